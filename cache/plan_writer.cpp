@@ -1,0 +1,106 @@
+#include "cache/plan_writer.h"
+
+#include <cmath>
+#include <limits>
+
+namespace cache {
+
+void splitAtWrap(const Lattice& lattice, const TexelRect& rect, std::vector<Piece>& pieces) {
+    if (rect.empty()) return;
+    for (int64_t y = rect.min.y; y < rect.max.y;) {
+        const int64_t nextY = std::min(rect.max.y, (lattice.quadrant({0, y}).y + 1) * lattice.side);
+        for (int64_t x = rect.min.x; x < rect.max.x;) {
+            const int64_t nextX = std::min(rect.max.x, (lattice.quadrant({x, 0}).x + 1) * lattice.side);
+            const Texel min(x, y), size(nextX - x, nextY - y);
+            const glm::ivec2 slot(lattice.slot(min));
+            pieces.push_back({{min, {nextX, nextY}}, lattice.quadrant(min), {slot, slot + glm::ivec2(size)}});
+            x = nextX;
+        }
+        y = nextY;
+    }
+}
+
+PlanWriter::PlanWriter(const Scene& scene, const CacheConfig& config, int cascade, const Lattice& lattice,
+                       FramePlan& plan)
+    : scene_(scene), config_(config), cascade_(cascade), lattice_(lattice), plan_(plan) {}
+
+bool PlanWriter::begin(const Piece& piece, world::CasterId caster) {
+    const culling::LightCaster& light = scene_.light[caster];
+    // A cluster whose rectangle stays out of the piece grown by one texel cannot be rasterised into
+    // it: positions are rounded by a few hundredths of a texel at most.
+    const glm::dvec2 min = (glm::dvec2(piece.rect.min) - 1.0) * lattice_.texel;
+    const glm::dvec2 max = (glm::dvec2(piece.rect.max) + 1.0) * lattice_.texel;
+    if (light.bounds.max.x < min.x || light.bounds.min.x > max.x || light.bounds.max.y < min.y ||
+        light.bounds.min.y > max.y)
+        return false;
+    constexpr float inf = std::numeric_limits<float>::infinity();
+    const glm::dvec2 low = min - glm::dvec2(light.origin), high = max - glm::dvec2(light.origin);
+    low_ = {std::nextafter(float(low.x), -inf), std::nextafter(float(low.y), -inf)};
+    high_ = {std::nextafter(float(high.x), inf), std::nextafter(float(high.y), inf)};
+    const auto levelIndex = static_cast<size_t>(scene_.light.level(caster, cascade_));
+    caster_ = caster;
+    level_ = &scene_.table.meshOf(caster).levels[levelIndex];
+    geometry_ = scene_.table.mesh(scene_.table[caster].mesh).geometry[levelIndex];
+    CHECK(geometry_ != world::kNoGeometry);
+    quadrant_ = piece.quadrant;
+    placed_ = false;
+    return true;
+}
+
+void PlanWriter::add(uint32_t cluster) {
+    const world::Cluster& run = level_->clusters[cluster];
+    counts_.cost.triangles += run.indexCount / 3;
+    if (placed_) {
+        DrawItem& last = plan_.items.back();
+        if (last.firstIndex + last.indexCount == run.firstIndex) {
+            last.indexCount += run.indexCount;
+            return;
+        }
+    } else {
+        // From mesh to stored texels in double precision, rounded once: a function of the caster and
+        // the quadrant alone, so a texel meets the same numbers whenever it is drawn.
+        const culling::LightCaster& light = scene_.light[caster_];
+        const double side = double(lattice_.side);
+        const double scale = 2 / (side * lattice_.texel);
+        glm::mat3x4 rows;
+        for (int axis = 0; axis < 2; ++axis) {
+            const double shift =
+                2 * (light.origin[axis] / lattice_.texel - double(quadrant_[axis]) * side) / side - 1;
+            for (int k = 0; k < 3; ++k) rows[axis][k] = static_cast<float>(light.lightFromMesh[k][axis] * scale);
+            rows[axis][3] = static_cast<float>(shift);
+        }
+        for (int k = 0; k < 3; ++k) rows[2][k] = static_cast<float>(light.lightFromMesh[k][2] / config_.depthRange);
+        rows[2][3] = static_cast<float>((light.origin.z - config_.depthNear) / config_.depthRange);
+        plan_.transforms.push_back(rows);
+        placed_ = true;
+        ++counts_.cost.casters;
+    }
+    plan_.items.push_back(
+        {geometry_, run.firstIndex, run.indexCount, static_cast<uint32_t>(plan_.transforms.size() - 1)});
+    ++counts_.cost.draws;
+}
+
+PlanWriter::Counts PlanWriter::draw(const Piece& piece, std::span<const world::CasterId> casters, bool hide,
+                                    std::vector<DrawPass>& passes) {
+    counts_ = {};
+    const auto firstItem = static_cast<uint32_t>(plan_.items.size());
+    for (world::CasterId caster : casters) {
+        if (!begin(piece, caster)) continue;
+        const std::vector<culling::ClusterRect>& rects = scene_.light.rects(caster, cascade_);
+        for (uint32_t k = 0; k < rects.size(); ++k) {
+            const culling::ClusterRect& r = rects[k];
+            if (r.max.x < low_.x || r.min.x > high_.x || r.max.y < low_.y || r.min.y > high_.y) continue;
+            ++counts_.clustersFound;
+            if (hide && scene_.occlusion->hidden(cascade_, caster, k)) {
+                ++counts_.clustersHidden;
+                continue;
+            }
+            add(k);
+        }
+    }
+    const auto items = static_cast<uint32_t>(plan_.items.size()) - firstItem;
+    if (items > 0) passes.push_back({piece.store, firstItem, items});
+    return counts_;
+}
+
+}  // namespace cache

@@ -1,0 +1,18 @@
+#include "cache/statistics.h"
+
+namespace cache {
+
+const char* toString(Cause cause) {
+    switch (cause) {
+        case Cause::kStart: return "start";
+        case Cause::kJump: return "jump";
+        case Cause::kScroll: return "scroll";
+        case Cause::kDeparture: return "departure";
+        case Cause::kDemotion: return "demotion";
+        case Cause::kArrival: return "arrival";
+        case Cause::kPromotion: return "promotion";
+    }
+    return "";
+}
+
+}  // namespace cache

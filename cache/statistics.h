@@ -1,0 +1,52 @@
+// cache/statistics.h — what a frame redrew and why: every texel and triangle has exactly one cause.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "cache/texel_rect.h"
+
+namespace cache {
+
+/// Why static casters were drawn into a cache map. Regions of one frame are disjoint, so each texel
+/// is counted under one cause: the first of this list that applies to it.
+enum class Cause : uint8_t {
+    kStart,      ///< nothing was there yet
+    kJump,       ///< the window moved by its width or more
+    kScroll,     ///< a slab that the window's move exposed
+    kDeparture,  ///< a static caster left with its chunk
+    kDemotion,   ///< a static caster moved and became active
+    kArrival,    ///< a static caster came with its chunk
+    kPromotion,  ///< an active caster came to rest and became static
+};
+constexpr int kCauses = 7;
+const char* toString(Cause cause);
+
+/// Cost of drawing. A caster or draw that several regions of a frame need counts once in each.
+struct Cost {
+    uint64_t texels = 0;     ///< area of the regions redrawn
+    uint64_t casters = 0;    ///< casters with at least one cluster drawn
+    uint64_t triangles = 0;  ///< sent to the rasteriser
+    uint64_t draws = 0;      ///< runs of clusters: DrawItems
+    Cost& operator+=(const Cost& o) {
+        texels += o.texels;
+        casters += o.casters;
+        triangles += o.triangles;
+        draws += o.draws;
+        return *this;
+    }
+    friend bool operator==(const Cost&, const Cost&) = default;
+};
+
+/// One cascade's share of a frame.
+struct CascadeStatistics {
+    Texel window{0};  ///< low corner of the committed window
+    Texel move{0};    ///< window minus the previous frame's window [texels]; 0 in the first frame
+    std::array<Cost, kCauses> byCause{};  ///< static part
+    Cost total;       ///< static part, counted on its own as it is drawn: equals the sum of byCause
+    Cost active;      ///< working map: texels restored, active casters drawn
+    uint64_t clustersFound = 0;   ///< static clusters that the queries returned
+    uint64_t clustersHidden = 0;  ///< of these, skipped for a certificate
+};
+
+}  // namespace cache

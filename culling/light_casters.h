@@ -1,0 +1,63 @@
+// culling/light_casters.h — casters as the sun sees them: placed in light space, with the level of
+// detail that each cascade draws and the map-plane rectangle of every cluster.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <vector>
+
+#include "culling/cascades.h"
+#include "culling/light_space.h"
+#include "world/casters.h"
+
+namespace culling {
+
+constexpr int kMaxCascades = 8;
+
+/// A cascade draws the coarsest level whose error is below this fraction of its texel. Texels do not
+/// follow the camera, so neither does the level.
+constexpr double kLevelErrorTexels = 0.5;
+
+/// Bounds of a cluster in the map plane [m], relative to its caster's light-space origin.
+struct ClusterRect {
+    glm::vec2 min{0}, max{0};
+};
+
+struct LightCaster {
+    glm::dmat3 lightFromMesh{1};  ///< linear part
+    glm::dvec3 origin{0};         ///< light-space place of the mesh's own origin [m]
+    world::Box bounds;            ///< light space [m], over all levels in use
+    std::array<uint8_t, kMaxCascades> level{};  ///< drawn in each cascade
+    std::vector<std::vector<ClusterRect>> rects; ///< [level][cluster]; empty for levels not in use
+};
+
+/// Follows a CasterTable, by the same ids. One writer; readers may run side by side.
+class LightCasters {
+public:
+    LightCasters(const LightSpace& space, std::vector<Cascade> cascades);
+
+    const LightSpace& space() const { return space_; }
+    const std::vector<Cascade>& cascades() const { return cascades_; }
+
+    /// Fits cluster rectangles to the vertices: dear, for casters that stay.
+    void addStatic(world::CasterId id, const world::CasterTable& table);
+    /// Bounds clusters by their turned boxes: cheap and wider, for casters that move.
+    void addActive(world::CasterId id, const world::CasterTable& table);
+
+    const LightCaster& operator[](world::CasterId id) const { return casters_[id]; }
+    int level(world::CasterId id, int cascade) const {
+        return casters_[id].level[static_cast<size_t>(cascade)];
+    }
+    const std::vector<ClusterRect>& rects(world::CasterId id, int cascade) const {
+        return casters_[id].rects[casters_[id].level[static_cast<size_t>(cascade)]];
+    }
+
+private:
+    LightCaster& place(world::CasterId id, const world::CasterTable& table);
+    LightSpace space_;
+    std::vector<Cascade> cascades_;
+    std::vector<LightCaster> casters_;
+};
+
+}  // namespace culling

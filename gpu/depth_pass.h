@@ -1,0 +1,57 @@
+// gpu/depth_pass.h — draws triangles into a depth map: one pipeline, one viewport, a scissor per draw.
+// There is no fragment shader: on a software driver an empty one makes the pass five times slower.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "cache/frame_plan.h"
+#include "gpu/draw_list.h"
+#include "gpu/memory.h"
+
+namespace gpu {
+
+/// Depth test LESS, both faces, depth clamped to [0, 1], viewport (0, 0, side, side). Since only the
+/// scissor ever changes, what a triangle leaves in a texel does not depend on the pass that drew it.
+class DepthPass {
+public:
+    /// Draws that share a scissor.
+    struct Draws {
+        cache::StoreRect scissor;
+        DrawRun run;
+    };
+    struct Buffers {
+        const Buffer& geometry;  ///< positions and indices
+        const Buffer& commands;  ///< VkDrawIndexedIndirectCommand
+    };
+
+    static world::Result<DepthPass> create(Device::Impl& device, uint32_t side);
+
+    /// Sets the shader's inputs: mat3x4 rows, and per instance the number of its rows. No submission
+    /// that draws may be under way.
+    void bind(const Buffer& transforms, const Buffer& instances);
+
+    /// Clears rectangles to 1, then draws. Empty rectangles and runs do nothing. The map is in
+    /// kAttachmentLayout. Never submits, waits or allocates.
+    void record(VkCommandBuffer commands, const Image& map, std::span<const cache::StoreRect> clears,
+                std::span<const Draws> draws, const Buffers& buffers);
+    /// Clears the whole of a map that holds nothing yet.
+    void recordNew(VkCommandBuffer commands, const Image& map) const;
+
+private:
+    DepthPass(Device::Impl& device, uint32_t side) : device_(&device), side_(side) {}
+    world::Result<world::Done> makeInputs();
+    world::Result<world::Done> makePipeline();
+    void begin(VkCommandBuffer commands, const Image& map, VkAttachmentLoadOp load) const;
+
+    Device::Impl* device_;
+    uint32_t side_;
+    SetLayoutHandle setLayout_;
+    DescriptorPoolHandle pool_;
+    VkDescriptorSet set_ = VK_NULL_HANDLE;  ///< freed with its pool
+    PipelineLayoutHandle layout_;
+    PipelineHandle pipeline_;
+    std::vector<VkClearRect> clearRects_;  ///< kept for its memory
+};
+
+}  // namespace gpu

@@ -1,0 +1,39 @@
+// gpu/device.h — one Vulkan 1.3 device: instance, queue, memory and, on request, validation.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "world/result.h"
+
+namespace gpu {
+
+struct DeviceConfig {
+    bool validation = false;   ///< core and synchronization validation; kNotFound without the layer
+    std::string nameContains;  ///< pick the first device whose name contains this; empty: see below
+};
+
+/// A device with a graphics queue, dynamic rendering, synchronization2, multi-draw-indirect,
+/// drawIndirectFirstInstance and depth clamp. Picks a discrete GPU before an integrated one before a
+/// software one unless told otherwise. Nothing Vulkan leaks into this header.
+class Device {
+public:
+    /// kNotFound when there is no Vulkan driver or no fitting device: the text says what to install.
+    static world::Result<std::unique_ptr<Device>> create(const DeviceConfig& config);
+    ~Device();
+
+    const std::string& name() const;    ///< as the driver reports it
+    const std::string& driver() const;  ///< driver name and version, for reports
+    /// Validation messages so far (warnings and errors). Tests expect none.
+    std::vector<std::string> validationMessages() const;
+
+    struct Impl;
+    Impl& impl() { return *impl_; }
+
+private:
+    explicit Device(std::unique_ptr<Impl> impl);
+    std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace gpu

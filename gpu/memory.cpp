@@ -1,0 +1,120 @@
+#include "gpu/memory.h"
+
+#include <algorithm>
+#include <span>
+
+namespace gpu {
+namespace {
+
+using world::Result;
+
+constexpr VkMemoryPropertyFlags kMapped =
+    VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
+
+/// Memory for `needs`, of the first kind among `wishes` that exists and is not exhausted.
+Result<MemoryHandle> allocate(Device::Impl& device, const VkMemoryRequirements& needs,
+                              std::span<const VkMemoryPropertyFlags> wishes, const std::string& name) {
+    VkResult lastRefusal = VK_ERROR_FEATURE_NOT_PRESENT;
+    for (const VkMemoryPropertyFlags wish : wishes) {
+        for (uint32_t type = 0; type < device.memory.memoryTypeCount; ++type) {
+            if ((needs.memoryTypeBits >> type & 1) == 0) continue;
+            if ((device.memory.memoryTypes[type].propertyFlags & wish) != wish) continue;
+            VkMemoryAllocateInfo info{};
+            info.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
+            info.allocationSize = needs.size;
+            info.memoryTypeIndex = type;
+            auto memory = MemoryHandle::create(device.owner, info, name + " memory");
+            if (memory) return memory;
+            lastRefusal = static_cast<VkResult>(memory.error().native);
+        }
+    }
+    return refused(lastRefusal, "vkAllocateMemory", name + ", " + std::to_string(needs.size) + " bytes");
+}
+
+}  // namespace
+
+Result<Buffer> createBuffer(Device::Impl& device, uint64_t bytes, VkBufferUsageFlags usage, Home home,
+                            const std::string& name) {
+    VkBufferCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
+    info.size = bytes;
+    info.usage = usage;
+    info.sharingMode = VK_SHARING_MODE_EXCLUSIVE;
+    auto handle = BufferHandle::create(device.owner, info, name);
+    if (!handle) return handle.error();
+    VkMemoryRequirements needs;
+    vkGetBufferMemoryRequirements(device.owner.device, handle.value().raw(), &needs);
+
+    // Reading device memory over the bus, uncached, would take longer than the frame.
+    const VkMemoryPropertyFlags best =
+        home == Home::kUpload ? VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT : VK_MEMORY_PROPERTY_HOST_CACHED_BIT;
+    const VkMemoryPropertyFlags wishes[] = {best | kMapped, kMapped};
+    auto memory = allocate(device, needs, wishes, name);
+    if (!memory) return memory.error();
+    const VkResult bound =
+        vkBindBufferMemory(device.owner.device, handle.value().raw(), memory.value().raw(), 0);
+    if (bound != VK_SUCCESS) return refused(bound, "vkBindBufferMemory", name);
+    void* mapped = nullptr;
+    const VkResult result =
+        vkMapMemory(device.owner.device, memory.value().raw(), 0, VK_WHOLE_SIZE, 0, &mapped);
+    if (result != VK_SUCCESS) return refused(result, "vkMapMemory", name);
+    return Buffer{std::move(memory.value()), std::move(handle.value()), static_cast<std::byte*>(mapped),
+                  bytes};
+}
+
+Result<Image> createDepthImage(Device::Impl& device, uint32_t side, const std::string& name) {
+    VkImageCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_IMAGE_CREATE_INFO;
+    info.imageType = VK_IMAGE_TYPE_2D;
+    info.format = kDepthFormat;
+    info.extent = {side, side, 1};
+    info.mipLevels = 1;
+    info.arrayLayers = 1;
+    info.samples = VK_SAMPLE_COUNT_1_BIT;
+    info.tiling = VK_IMAGE_TILING_OPTIMAL;
+    info.usage = VK_IMAGE_USAGE_DEPTH_STENCIL_ATTACHMENT_BIT | VK_IMAGE_USAGE_TRANSFER_SRC_BIT |
+                 VK_IMAGE_USAGE_TRANSFER_DST_BIT;
+    info.sharingMode = VK_SHARING_MODE_EXCLUSIVE;
+    info.initialLayout = VK_IMAGE_LAYOUT_UNDEFINED;
+    auto handle = ImageHandle::create(device.owner, info, name);
+    if (!handle) return handle.error();
+    VkMemoryRequirements needs;
+    vkGetImageMemoryRequirements(device.owner.device, handle.value().raw(), &needs);
+
+    // The second wish lets a full GPU go on, slowly, from host memory.
+    const VkMemoryPropertyFlags wishes[] = {VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT, 0};
+    auto memory = allocate(device, needs, wishes, name);
+    if (!memory) return memory.error();
+    const VkResult bound =
+        vkBindImageMemory(device.owner.device, handle.value().raw(), memory.value().raw(), 0);
+    if (bound != VK_SUCCESS) return refused(bound, "vkBindImageMemory", name);
+
+    VkImageViewCreateInfo view{};
+    view.sType = VK_STRUCTURE_TYPE_IMAGE_VIEW_CREATE_INFO;
+    view.image = handle.value().raw();
+    view.viewType = VK_IMAGE_VIEW_TYPE_2D;
+    view.format = kDepthFormat;
+    view.subresourceRange = {VK_IMAGE_ASPECT_DEPTH_BIT, 0, 1, 0, 1};
+    auto viewHandle = ImageViewHandle::create(device.owner, view, name + " view");
+    if (!viewHandle) return viewHandle.error();
+    return Image{std::move(memory.value()), std::move(handle.value()), std::move(viewHandle.value())};
+}
+
+Result<GrowingBuffer> GrowingBuffer::create(Device::Impl& device, uint64_t bytes, VkBufferUsageFlags usage,
+                                            const std::string& name) {
+    GrowingBuffer made;
+    made.usage_ = usage;
+    made.name_ = name;
+    if (const auto reserved = made.reserve(device, bytes); !reserved) return reserved.error();
+    return made;
+}
+
+Result<bool> GrowingBuffer::reserve(Device::Impl& device, uint64_t bytes) {
+    if (bytes <= buffer_.bytes) return false;
+    auto larger = createBuffer(device, std::max(bytes, 2 * buffer_.bytes), usage_, Home::kUpload, name_);
+    if (!larger) return larger.error();
+    buffer_ = std::move(larger.value());
+    return true;
+}
+
+}  // namespace gpu

@@ -1,0 +1,74 @@
+// gpu/shadow_maps.h — the cascades' maps on the GPU, and the executor of frame plans.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "cache/frame_plan.h"
+#include "gpu/device.h"
+#include "world/mesh.h"
+#include "world/result.h"
+
+namespace gpu {
+
+enum class MapKind {
+    kCache,         ///< static casters; persists
+    kWorking,       ///< cache plus active casters; what a renderer samples
+    kScratchCache,  ///< target of `redraw`, for comparison
+    kScratchWorking,
+};
+
+/// What one executed plan cost. Timestamps are noisy on software drivers; wall time is submit to
+/// fence. Zero for an idle plan, which submits nothing.
+struct CascadeTimes {
+    double staticMs = 0;  ///< clears and static passes, by timestamp
+    double activeMs = 0;  ///< restores and active passes, by timestamp
+};
+struct GpuTimes {
+    std::vector<CascadeTimes> cascades;
+    double recordMs = 0;  ///< CPU time to fill buffers and record commands
+    double wallMs = 0;    ///< from vkQueueSubmit to the fence
+    bool submitted = false;
+};
+
+struct ShadowMapsConfig {
+    int cascades = 4;
+    int side = 1024;                        ///< texels a side
+    uint64_t geometryBytes = 512ull << 20;  ///< size of the arena for vertices and indices
+};
+
+/// Owns a cache map and a working map (D32, side x side) per cascade, and an arena of geometry.
+/// New maps hold depth 1 everywhere. One thread at a time. Every error is kDevice or kLimit.
+class ShadowMaps {
+public:
+    /// `device` must outlive the maps.
+    static world::Result<std::unique_ptr<ShadowMaps>> create(Device& device, const ShadowMapsConfig& config);
+    ~ShadowMaps();
+
+    /// Copies positions and indices into the arena. kLimit names the budget when it is full.
+    world::Result<cache::GeometryId> upload(const world::MeshLevel& level);
+    /// Frees the space once no submitted frame can read it. The id may be given out again.
+    void release(cache::GeometryId id);
+    uint64_t geometryBytesUsed() const;
+    uint64_t uploadedBytes() const;  ///< since creation: geometry, transforms and commands
+
+    /// Executes the plan on the cache and working maps in one submission and waits for it.
+    world::Result<GpuTimes> execute(const cache::FramePlan& plan);
+
+    /// Executes the plan on the scratch maps (made at first use) in one submission and waits. Scratch maps
+    /// keep what they held, like the real ones: a redraw's plan clears what it draws.
+    world::Result<GpuTimes> redraw(const cache::FramePlan& plan);
+
+    /// Depths of a map, row by row in stored order, side * side values.
+    world::Result<std::vector<float>> read(int cascade, MapKind kind);
+
+private:
+    struct Impl;
+    explicit ShadowMaps(std::unique_ptr<Impl> impl);
+    std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace gpu

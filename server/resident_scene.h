@@ -1,0 +1,117 @@
+// server/resident_scene.h — the part of the world that is in memory, kept the same for the streamer,
+// the caster table, the octree, the certificates and the GPU's geometry.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "cache/caster_sets.h"
+#include "cache/shadow_cache.h"
+#include "culling/light_casters.h"
+#include "culling/occlusion.h"
+#include "gpu/shadow_maps.h"
+#include "world/casters.h"
+#include "world/octree.h"
+#include "world/store.h"
+#include "world/streamer.h"
+
+namespace server {
+
+/// An object that a client moves; given out by `ResidentScene::adopt`.
+using ObjectId = uint32_t;
+
+struct ObjectUpdate {
+    ObjectId object = 0;
+    world::Placement placement;
+};
+
+struct SceneConfig {
+    double farDistance = 600;  ///< [m]
+    bool occlusion = true;
+    uint32_t raysPerCluster = 4096;
+    double restSeconds = 10;
+    uint32_t promotionsPerFrame = 16;
+    uint64_t residentBytes = 4ull << 30;
+    double depthRange = 1;  ///< [m]
+    int side = 1024;
+    bool stickyCertificates = false;  ///< a deliberate defect, for tests
+};
+
+/// What a frame changed, for the cache, and what it cost.
+struct SceneChanges {
+    std::vector<cache::Departure> departures;
+    std::vector<cache::Arrival> arrivals;             ///< ascending by caster
+    uint64_t revocations = 0;                         ///< certificates that fell
+    std::vector<world::Box> activeDirt;               ///< light space
+    uint32_t chunkArrivals = 0, chunkDepartures = 0;
+    uint64_t bytesRead = 0;
+    culling::CertifyCosts certify;
+    double streamMs = 0, setsMs = 0, occlusionMs = 0;
+    std::vector<world::Error> errors;
+};
+
+/// One thread at a time.
+class ResidentScene {
+public:
+    /// All references must outlive it.
+    ResidentScene(const world::WorldStore& store, gpu::ShadowMaps& maps, const culling::LightSpace& space,
+                  std::vector<culling::Cascade> cascades, const SceneConfig& config);
+
+    world::Result<ObjectId> adopt(const std::string& name);
+    const world::Placement& restPlacement(ObjectId object) const { return objects_[object].rest; }
+
+    /// Moves objects, settles the static and active sets, streams for an eye at `eye` (light space),
+    /// and certifies what arrived. Bad items are reported and skipped; an Error (kLimit, kDevice)
+    /// means that the scene could not be completed.
+    world::Result<SceneChanges> advance(double time, glm::dvec3 eye, std::span<const ObjectUpdate> updates);
+
+    /// For the cache. `hide`: with certificates.
+    cache::Scene view(bool hide) const;
+    const world::CasterTable& casters() const { return table_; }
+    const culling::LightCasters& light() const { return light_; }
+    size_t certificates() const { return occlusion_ ? occlusion_->certificates() : 0; }
+
+private:
+    struct Object {
+        world::CasterId caster = 0;
+        world::Placement rest;
+    };
+    struct ResidentChunk {
+        std::shared_ptr<const world::Chunk> chunk;
+        std::vector<world::CasterId> casters;
+        std::optional<world::MeshSlot> terrain;
+    };
+    void moveObjects(double time, std::span<const ObjectUpdate> updates, SceneChanges& changes);
+    world::Result<world::Done> promote(double time, SceneChanges& changes);
+    world::Result<world::Done> stream(glm::dvec3 eye, SceneChanges& changes);
+    void dropChunk(world::ChunkKey key, SceneChanges& changes);
+    world::Result<world::Done> addChunk(std::shared_ptr<const world::Chunk> chunk, SceneChanges& changes);
+    world::Result<world::CasterId> addStatic(world::MeshSlot mesh, const world::Placement& placement,
+                                             world::CasterOrigin origin, SceneChanges& changes);
+    /// Uploads the levels that the caster's cascades draw.
+    world::Result<world::Done> uploadLevels(world::CasterId caster);
+    void removeMesh(world::MeshSlot slot);
+
+    const world::WorldStore& store_;
+    gpu::ShadowMaps& maps_;
+    SceneConfig config_;
+    world::Streamer streamer_;
+    world::CasterTable table_;
+    culling::LightCasters light_;
+    world::Octree statics_;
+    std::unique_ptr<culling::Occlusion> occlusion_;
+    cache::CasterSets sets_;
+    std::map<uint32_t, world::MeshSlot> meshSlots_;  ///< by mesh id
+    std::map<world::ChunkKey, ResidentChunk> chunks_;
+    std::vector<Object> objects_;
+    std::map<std::pair<world::ChunkKey, uint32_t>, ObjectId> adopted_;
+    std::optional<std::vector<world::NamedInstance>> names_;
+    std::vector<cache::Arrival> waiting_;  ///< adopted before the next frame
+    std::optional<glm::dvec3> streamedAt_; ///< eye at the last evaluation of wants, light space
+};
+
+}  // namespace server

@@ -1,0 +1,229 @@
+#include "server/shadow_system.h"
+
+#include <algorithm>
+#include <bit>
+#include <chrono>
+#include <cmath>
+
+#include "culling/cascades.h"
+#include "culling/light_space.h"
+#include "server/resident_scene.h"
+#include "world/hash.h"
+
+namespace server {
+
+namespace {
+
+using world::Error;
+using world::ErrorCode;
+using world::Result;
+
+constexpr size_t kReported = 8;  ///< differences and casters that a verification lists
+
+double msSince(std::chrono::steady_clock::time_point start) {
+    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+}
+
+}  // namespace
+
+struct ShadowSystem::Impl {
+    Impl(const world::WorldStore& store, const ShadowConfig& c, std::unique_ptr<gpu::ShadowMaps> m,
+         const culling::LightSpace& lightSpace, const std::vector<culling::Cascade>& lightCascades,
+         const cache::CacheConfig& cacheConfig)
+        : config(c),
+          maps(std::move(m)),
+          space(lightSpace),
+          cascades(lightCascades),
+          scene(store, *maps, space, cascades,
+                {c.farDistance, c.occlusion, c.raysPerCluster, c.restSeconds, c.promotionsPerFrame, c.residentBytes,
+                 cacheConfig.depthRange, c.side, c.sabotage == cache::Sabotage::kStickyCertificate}),
+          shadows(cascades, cacheConfig) {}
+
+    Result<uint64_t> compare(int cascade, gpu::MapKind cached, gpu::MapKind redrawn, VerifyReport& report);
+    std::vector<std::string> castersAt(int cascade, cache::Texel texel) const;
+
+    ShadowConfig config;
+    std::unique_ptr<gpu::ShadowMaps> maps;
+    culling::LightSpace space;
+    std::vector<culling::Cascade> cascades;
+    ResidentScene scene;
+    cache::ShadowCache shadows;
+    cache::FramePlan plan, redraw;
+    uint64_t frame = 0;
+    uint64_t uploadedBefore = 0;
+    bool planned = false;
+};
+
+ShadowSystem::ShadowSystem(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+ShadowSystem::~ShadowSystem() = default;
+
+Result<std::unique_ptr<ShadowSystem>> ShadowSystem::create(gpu::Device& device, const world::WorldStore& store,
+                                                           const ShadowConfig& config) {
+    ShadowConfig filled = config;
+    if (filled.sun == glm::dvec3(0)) filled.sun = store.header().sun;
+    if (filled.sun == glm::dvec3(0))
+        return Error{ErrorCode::kUsage, store.path() + ": the world names no sun; give --sun AZIMUTH,ELEVATION"};
+    auto space = culling::makeLightSpace(filled.sun);
+    if (!space) return space.error();
+    auto cascades = culling::makeCascades(filled.cascades, filled.side, filled.farDistance, filled.splitRatio);
+    if (!cascades) return cascades.error();
+    if (!(filled.restSeconds >= 0))
+        return Error{ErrorCode::kUsage, "rest time: " + std::to_string(filled.restSeconds) + " s; give 0 or more"};
+    if (store.chunks().empty() || store.header().bounds.empty())
+        return Error{ErrorCode::kBadData, store.path() + ": nothing in it casts a shadow; bake a source that has casters"};
+
+    // Depth is anchored to the world, not the camera: a texel's depth never has to change.
+    const world::Box extent = space.value().toLight(store.header().bounds);
+    cache::CacheConfig cacheConfig;
+    cacheConfig.side = filled.side;
+    cacheConfig.depthNear = extent.min.z;
+    cacheConfig.depthRange = std::max(1.0, extent.max.z - extent.min.z);
+    cacheConfig.sabotage = filled.sabotage;
+
+    auto maps = gpu::ShadowMaps::create(device, {filled.cascades, filled.side, filled.geometryBytes});
+    if (!maps) return maps.error();
+    return std::unique_ptr<ShadowSystem>(new ShadowSystem(std::make_unique<Impl>(
+        store, filled, std::move(maps.value()), space.value(), cascades.value(), cacheConfig)));
+}
+
+Result<ObjectId> ShadowSystem::adopt(const std::string& name) { return impl_->scene.adopt(name); }
+
+const world::Placement& ShadowSystem::restPlacement(ObjectId object) const {
+    return impl_->scene.restPlacement(object);
+}
+
+Result<FrameReport> ShadowSystem::advance(const FrameInput& input) {
+    Impl& s = *impl_;
+    const glm::dvec3 p = input.camera.position;
+    if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z) || !std::isfinite(input.time))
+        return Error{ErrorCode::kUsage, "frame " + std::to_string(s.frame) + ": camera position or time is not finite"};
+    FrameReport report;
+    report.frame = s.frame++;
+    report.time = input.time;
+    const glm::dvec3 eye = s.space.toLight(p);
+
+    auto changed = s.scene.advance(input.time, eye, input.objects);
+    if (!changed) return changed.error();
+    SceneChanges& changes = changed.value();
+    report.chunkArrivals = changes.chunkArrivals;
+    report.chunkDepartures = changes.chunkDepartures;
+    report.bytesRead = changes.bytesRead;
+    report.rays = changes.certify.rays;
+    report.certificates = changes.certify.certificates;
+    report.revocations = changes.revocations;
+    report.errors = std::move(changes.errors);
+    report.cpu.streamMs = changes.streamMs;
+    report.cpu.setsMs = changes.setsMs;
+    report.cpu.occlusionMs = changes.occlusionMs;
+
+    const auto planning = std::chrono::steady_clock::now();
+    const bool cached = s.config.method == Method::kGnomon;
+    if (!cached) s.shadows.forget();
+    s.shadows.plan(s.scene.view(cached), {changes.departures, changes.arrivals, changes.activeDirt},
+                   glm::dvec2(eye), s.plan, report.cascades);
+    s.planned = true;
+    report.cpu.planMs = msSince(planning);
+    report.planHash = s.plan.hash();
+
+    auto times = s.maps->execute(s.plan);
+    if (!times) return times.error();
+    report.gpu = std::move(times.value());
+    report.cpu.recordMs = report.gpu.recordMs;
+    report.bytesUploaded = s.maps->uploadedBytes() - s.uploadedBefore;
+    s.uploadedBefore = s.maps->uploadedBytes();
+    return report;
+}
+
+RedrawCosts ShadowSystem::redrawCosts() const {
+    CHECK(impl_->planned);
+    std::vector<cache::CascadeStatistics> statistics;
+    impl_->shadows.planRedraw(impl_->scene.view(false), impl_->redraw, statistics);
+    RedrawCosts costs;
+    for (const cache::CascadeStatistics& s : statistics) costs.push_back(s.total);
+    return costs;
+}
+
+Result<VerifyReport> ShadowSystem::verify() {
+    Impl& s = *impl_;
+    CHECK(s.planned);
+    std::vector<cache::CascadeStatistics> statistics;
+    s.shadows.planRedraw(s.scene.view(false), s.redraw, statistics);
+    auto times = s.maps->redraw(s.redraw);
+    if (!times) return times.error();
+    s.uploadedBefore = s.maps->uploadedBytes();
+    VerifyReport report;
+    report.redraw = std::move(times.value());
+    for (int c = 0; c < cascades(); ++c) {
+        auto cache = s.compare(c, gpu::MapKind::kCache, gpu::MapKind::kScratchCache, report);
+        if (!cache) return cache.error();
+        auto working = s.compare(c, gpu::MapKind::kWorking, gpu::MapKind::kScratchWorking, report);
+        if (!working) return working.error();
+        report.differing += cache.value() + working.value();
+    }
+    return report;
+}
+
+Result<uint64_t> ShadowSystem::Impl::compare(int cascade, gpu::MapKind cached, gpu::MapKind redrawn,
+                                             VerifyReport& report) {
+    auto a = maps->read(cascade, cached);
+    if (!a) return a.error();
+    auto b = maps->read(cascade, redrawn);
+    if (!b) return b.error();
+    const std::vector<float>&held = a.value(), &truth = b.value();
+    report.texels += held.size();
+    uint64_t differing = 0;
+    const cache::Lattice& lattice = shadows.lattice(cascade);
+    const cache::Texel low = shadows.window(cascade).min;
+    for (size_t i = 0; i < held.size(); ++i) {
+        if (std::bit_cast<uint32_t>(held[i]) == std::bit_cast<uint32_t>(truth[i])) continue;
+        ++differing;
+        if (report.first.size() == kReported) continue;
+        const auto at = static_cast<int64_t>(i);
+        const cache::Texel slot(at % lattice.side, at / lattice.side);
+        const cache::Texel texel = low + lattice.slot(slot - low);
+        report.first.push_back({cascade, cached, texel, held[i], truth[i], castersAt(cascade, texel)});
+    }
+    return differing;
+}
+
+std::vector<std::string> ShadowSystem::Impl::castersAt(int cascade, cache::Texel texel) const {
+    const double t = shadows.lattice(cascade).texel;
+    const glm::dvec2 min = (glm::dvec2(texel) - 1.0) * t, max = (glm::dvec2(texel) + 2.0) * t;
+    std::vector<std::string> names;
+    const world::CasterTable& table = scene.casters();
+    for (world::CasterId id = 0; id < table.slots() && names.size() < kReported; ++id) {
+        if (table[id].state == world::CasterState::kFree) continue;
+        const world::Box& b = scene.light()[id].bounds;
+        if (b.min.x <= max.x && b.max.x >= min.x && b.min.y <= max.y && b.max.y >= min.y)
+            names.push_back(table.describe(id));
+    }
+    return names;
+}
+
+CascadeView ShadowSystem::view(int cascade) const {
+    const Impl& s = *impl_;
+    const culling::Cascade& c = s.cascades[size_t(cascade)];
+    const cache::CacheConfig& config = s.shadows.config();
+    return {c.texel, c.split, s.shadows.window(cascade).min, config.depthNear, config.depthRange,
+            s.space.lightFromWorld};
+}
+
+int ShadowSystem::cascades() const { return static_cast<int>(impl_->cascades.size()); }
+const ShadowConfig& ShadowSystem::config() const { return impl_->config; }
+
+Result<std::vector<float>> ShadowSystem::readMap(int cascade, gpu::MapKind kind) {
+    return impl_->maps->read(cascade, kind);
+}
+
+Result<uint64_t> ShadowSystem::mapHash(int cascade, gpu::MapKind kind) {
+    auto depths = readMap(cascade, kind);
+    if (!depths) return depths.error();
+    return world::hashValues(std::span<const float>(depths.value()));
+}
+
+std::span<const cache::StoreRect> ShadowSystem::clearedRects(int cascade) const {
+    CHECK(impl_->planned);
+    return impl_->plan.cascades[size_t(cascade)].clears;
+}
+
+}  // namespace server

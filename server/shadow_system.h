@@ -1,0 +1,151 @@
+// server/shadow_system.h — the service without a socket: one call advances world, cache and GPU.
+#pragma once
+
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <glm/gtc/quaternion.hpp>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "cache/shadow_cache.h"
+#include "cache/statistics.h"
+#include "gpu/device.h"
+#include "gpu/shadow_maps.h"
+#include "server/resident_scene.h"
+#include "world/mesh.h"
+#include "world/result.h"
+#include "world/store.h"
+
+namespace server {
+
+enum class Method {
+    kGnomon,  ///< cache and scroll
+    kRedraw,  ///< every cascade drawn whole, every frame: what the cache is measured against
+};
+
+struct ShadowConfig {
+    int cascades = 4;          ///< 1 to 8
+    int side = 1024;           ///< texels a side, 64 to 8192
+    double farDistance = 600;  ///< split of the last cascade [m]: shadows reach this far from the eye
+    double splitRatio = 3;     ///< each split is this many times the one before, > 1
+    glm::dvec3 sun{0};         ///< direction of light travel; zero: the world's own
+    Method method = Method::kGnomon;
+    bool occlusion = true;     ///< certificates, texel-exact
+    uint32_t raysPerCluster = 4096;  ///< above this a cluster is simply drawn
+    double restSeconds = 10;   ///< an active object is static after resting this long
+    uint32_t promotionsPerFrame = 16;
+    uint64_t residentBytes = 4ull << 30;  ///< decoded chunks and meshes
+    uint64_t geometryBytes = 512ull << 20;  ///< GPU arena
+    cache::Sabotage sabotage = cache::Sabotage::kNone;  ///< for tests of the verification
+};
+
+struct Camera {
+    glm::dvec3 position{0};  ///< [m]
+    glm::dquat orientation{1, 0, 0, 0};  ///< camera-to-world, looks along -z
+};
+
+struct FrameInput {
+    double time = 0;  ///< [s], ascending
+    Camera camera;
+    std::span<const ObjectUpdate> objects;  ///< those that moved; the rest stay where they are
+};
+
+/// CPU time of a frame by stage [ms]. Not deterministic.
+struct StageTimes {
+    double streamMs = 0;     ///< wants, reads, caster tables, uploads
+    double occlusionMs = 0;  ///< certificates
+    double setsMs = 0;       ///< moved objects, static and active sets
+    double planMs = 0;       ///< queries, plan
+    double recordMs = 0;     ///< filling buffers, recording commands
+};
+
+struct FrameReport {
+    uint64_t frame = 0;
+    double time = 0;
+    std::vector<cache::CascadeStatistics> cascades;
+    uint32_t chunkArrivals = 0, chunkDepartures = 0;
+    uint64_t bytesRead = 0;      ///< decoded
+    uint64_t bytesUploaded = 0;  ///< to the GPU: geometry, transforms, commands
+    uint64_t rays = 0;           ///< for certificates
+    uint64_t certificates = 0;   ///< clusters newly proven hidden, over all cascades
+    uint64_t revocations = 0;    ///< certificates that fell with an occluder
+    uint64_t planHash = 0;
+    StageTimes cpu;
+    gpu::GpuTimes gpu;
+    std::vector<world::Error> errors;  ///< per item; the frame went on without it
+};
+
+/// What drawing every cascade whole would cost in the current state, without drawing: static part.
+using RedrawCosts = std::vector<cache::Cost>;
+
+/// A texel that differs from the map drawn from scratch.
+struct Difference {
+    int cascade = 0;
+    gpu::MapKind map = gpu::MapKind::kCache;
+    cache::Texel texel{0};  ///< on the lattice
+    float cached = 0, redrawn = 0;
+    std::vector<std::string> casters;  ///< those whose bounds cover the texel, at most 8
+};
+
+struct VerifyReport {
+    uint64_t texels = 0;     ///< compared
+    uint64_t differing = 0;  ///< 0, or the cache is broken
+    std::vector<Difference> first;  ///< at most 8
+    gpu::GpuTimes redraw;    ///< cost of drawing everything from scratch: the static and active part
+};
+
+/// One cascade's committed state, to be used with its maps and nothing else.
+struct CascadeView {
+    double texel = 0;    ///< edge of a texel [m]
+    double split = 0;    ///< distance from the eye that this cascade serves [m]
+    cache::Texel window{0};  ///< low corner of the window; texel (i, j) is stored at (i mod side, j mod side)
+    double depthNear = 0, depthRange = 0;  ///< light-space z of depth 0, and metres per unit depth
+    glm::dmat3 lightFromWorld{1};
+};
+
+/// Streams a world, keeps its shadow maps and accounts for every redrawn texel.
+/// One thread at a time; the work inside uses all of TBB's threads and gives the same plans and maps
+/// for any number of them.
+class ShadowSystem {
+public:
+    /// `device` and `store` must outlive the system. kUsage for a configuration or a sun that cannot
+    /// work, kBadData for a world without casters, kDevice and kLimit from the GPU.
+    static world::Result<std::unique_ptr<ShadowSystem>> create(gpu::Device& device,
+                                                              const world::WorldStore& store,
+                                                              const ShadowConfig& config);
+    ~ShadowSystem();
+
+    /// Takes the named instance out of its chunk and makes it an object that updates can move.
+    /// Until its first update it stands where the world has it. kNotFound names the name.
+    world::Result<ObjectId> adopt(const std::string& name);
+    /// Where the world has it.
+    const world::Placement& restPlacement(ObjectId object) const;
+
+    /// Advances everything by one frame. Errors of single items are in the report; an Error means
+    /// that the frame could not be drawn at all.
+    world::Result<FrameReport> advance(const FrameInput& input);
+
+    /// Cost of a whole redraw of the static part, by count alone.
+    RedrawCosts redrawCosts() const;
+    /// Draws every cascade's static and working map from scratch and compares each texel.
+    world::Result<VerifyReport> verify();
+
+    CascadeView view(int cascade) const;
+    int cascades() const;
+    const ShadowConfig& config() const;  ///< with the sun filled in
+    /// A map's depths, row by row in stored order.
+    world::Result<std::vector<float>> readMap(int cascade, gpu::MapKind kind);
+    /// Hash of a map's bits.
+    world::Result<uint64_t> mapHash(int cascade, gpu::MapKind kind);
+    /// Regions of the last frame's plan that were cleared (redrawn from nothing), stored order.
+    std::span<const cache::StoreRect> clearedRects(int cascade) const;
+
+private:
+    struct Impl;
+    explicit ShadowSystem(std::unique_ptr<Impl> impl);
+    std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace server

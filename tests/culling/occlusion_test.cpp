@@ -1,0 +1,163 @@
+// Certificates: what they hide changes no texel; what they lose comes back.
+#include "culling/occlusion.h"
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <random>
+
+#include "tests/toy_scene.h"
+
+namespace {
+
+using tests::SoftMaps;
+using tests::ToyScene;
+
+constexpr int kSide = 96;
+const std::vector<culling::Cascade> kCascades{{4.4, 0.1}, {17.6, 0.4}};
+
+/// Sheets and boxes in layers over each other, so that much is hidden, at random angles.
+struct Layers {
+    explicit Layers(uint32_t seed, glm::dvec3 at = glm::dvec3(0), bool sticky = false)
+        : scene(glm::dvec3(0.35, -1, 0.2), kCascades), rng(seed), origin(at) {
+        const auto sheet = scene.addMesh(tests::sheetMesh(9, 6));
+        const auto box = scene.addMesh(tests::boxMesh({1, 1, 1}));
+        const auto small = scene.addMesh(tests::sheetMesh(1.5, 3));
+        for (int i = 0; i < 10; ++i) ids.push_back(scene.addStatic(sheet, somewhere(2, 6, 0.2)));
+        for (int i = 0; i < 60; ++i) ids.push_back(scene.addStatic(i % 2 ? box : small, somewhere(-6, 5, 3)));
+        const glm::dvec3 light = scene.light.space().toLight(origin);
+        depthNear = light.z - 50;
+        eye = glm::dvec2(light);
+        auto made = culling::Occlusion::create(scene.table, scene.light, {4096, 100, light, kSide, sticky});
+        occlusion = std::move(made.value());
+        occlusion->add(ids);
+    }
+    world::Placement somewhere(double low, double high, double tilt) {
+        const auto uniform = [&](double a, double b) { return std::uniform_real_distribution<double>(a, b)(rng); };
+        world::Placement p = tests::placedAt(origin + glm::dvec3(uniform(-7, 7), uniform(low, high), uniform(-7, 7)));
+        const double a = uniform(-tilt, tilt), b = uniform(-tilt, tilt);
+        const glm::mat3 x(1, 0, 0, 0, float(std::cos(a)), float(std::sin(a)), 0, -float(std::sin(a)), float(std::cos(a)));
+        const glm::mat3 z(float(std::cos(b)), float(std::sin(b)), 0, -float(std::sin(b)), float(std::cos(b)), 0, 0, 0, 1);
+        p.linear = x * z;
+        return p;
+    }
+    cache::ShadowCache makeCache() const { return {kCascades, {kSide, depthNear, 100, cache::Sabotage::kNone}}; }
+
+    ToyScene scene;
+    std::mt19937 rng;
+    glm::dvec3 origin;
+    glm::dvec2 eye{0};
+    double depthNear = 0;
+    std::vector<world::CasterId> ids;
+    std::unique_ptr<culling::Occlusion> occlusion;
+};
+
+std::vector<SoftMaps::Maps> drawn(const Layers& l, bool hide, uint64_t* hidden = nullptr) {
+    cache::ShadowCache cache = l.makeCache();
+    cache::FramePlan plan;
+    std::vector<cache::CascadeStatistics> statistics;
+    cache.plan(l.scene.view(hide ? l.occlusion.get() : nullptr), {}, l.eye, plan, statistics);
+    SoftMaps maps(l.scene, kCascades.size(), kSide);
+    maps.execute(plan);
+    if (hidden)
+        for (const auto& s : statistics) *hidden += s.clustersHidden;
+    return maps.maps();
+}
+
+TEST(Occlusion, WhatIsHiddenChangesNoTexel) {
+    uint64_t hidden = 0;
+    for (uint32_t seed = 1; seed <= 12; ++seed) {
+        Layers l(seed, seed % 2 ? glm::dvec3(0) : glm::dvec3(1e6, 0, -6e6));
+        const culling::CertifyCosts costs = l.occlusion->certify(l.ids);
+        EXPECT_EQ(costs.certificates, l.occlusion->certificates());
+        ASSERT_EQ(drawn(l, true, &hidden), drawn(l, false)) << "seed " << seed;
+    }
+    EXPECT_GT(hidden, 100u) << "hides too little for the test to mean something";
+}
+
+/// Takes the casters away one by one; true while each map equals the one drawn from scratch.
+bool survivesDepartures(Layers& l, size_t& revocations) {
+    l.occlusion->certify(l.ids);
+    cache::ShadowCache cache = l.makeCache();
+    cache::FramePlan plan;
+    std::vector<cache::CascadeStatistics> statistics;
+    SoftMaps maps(l.scene, kCascades.size(), kSide);
+    cache.plan(l.scene.view(l.occlusion.get()), {}, l.eye, plan, statistics);
+    maps.execute(plan);
+    std::vector<world::CasterId> left = l.ids;
+    while (left.size() > 1) {
+        const size_t at = l.rng() % left.size();
+        const world::CasterId id = left[at];
+        left.erase(left.begin() + std::ptrdiff_t(at));
+        revocations += l.occlusion->remove(std::span(&id, 1));
+        const std::vector<cache::Departure> departures{{l.scene.light[id].bounds, cache::Cause::kDeparture}};
+        l.scene.statics.remove(id);
+        cache.plan(l.scene.view(l.occlusion.get()), {departures, {}, {}}, l.eye, plan, statistics);
+        maps.execute(plan);
+        if (maps.maps() != drawn(l, false)) return false;
+    }
+    return true;
+}
+
+TEST(Occlusion, WhatAFallenCertificateHidComesBack) {
+    size_t revocations = 0;
+    for (uint32_t seed = 1; seed <= 4; ++seed) {
+        Layers l(seed);
+        EXPECT_TRUE(survivesDepartures(l, revocations)) << "seed " << seed;
+        EXPECT_EQ(l.occlusion->certificates(), 0u) << "one caster is left: nobody can hide it";
+    }
+    EXPECT_GT(revocations, 20u);
+}
+
+TEST(Occlusion, ACertificateThatOutlivesItsOccluderIsSeen) {
+    size_t revocations = 0;
+    Layers l(1, glm::dvec3(0), true);
+    EXPECT_FALSE(survivesDepartures(l, revocations));
+}
+
+TEST(Occlusion, IsTheSameForAnyNumberOfThreads) {
+    std::vector<std::vector<glm::uvec3>> answers;  // cascade, caster, cluster
+    std::vector<uint64_t> rays;
+    for (size_t threads : {1, 2, 7}) {
+        const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+        Layers l(8);
+        rays.push_back(l.occlusion->certify(l.ids).rays);
+        std::vector<glm::uvec3> hidden;
+        for (int c = 0; c < int(kCascades.size()); ++c)
+            for (world::CasterId id : l.ids)
+                for (uint32_t k = 0; k < l.scene.light.rects(id, c).size(); ++k)
+                    if (l.occlusion->hidden(c, id, k)) hidden.push_back({uint32_t(c), id, k});
+        answers.push_back(hidden);
+    }
+    EXPECT_FALSE(answers[0].empty());
+    EXPECT_EQ(answers[0], answers[1]);
+    EXPECT_EQ(answers[0], answers[2]);
+    EXPECT_EQ(rays[0], rays[1]);
+    EXPECT_EQ(rays[0], rays[2]);
+}
+
+TEST(Occlusion, TwinsInOnePlaceHideNeitherEachOtherNorThemselves) {
+    ToyScene scene(glm::dvec3(0, -1, 0), kCascades);
+    const auto sheet = scene.addMesh(tests::sheetMesh(2, 4));
+    const std::vector<world::CasterId> ids{scene.addStatic(sheet, tests::placedAt(glm::dvec3(0))),
+                                           scene.addStatic(sheet, tests::placedAt(glm::dvec3(0)))};
+    auto occlusion = culling::Occlusion::create(scene.table, scene.light, {4096, 100, glm::dvec3(0), kSide, false});
+    occlusion.value()->add(ids);
+    EXPECT_EQ(occlusion.value()->certify(ids).certificates, 0u);
+}
+
+TEST(Occlusion, ABudgetTooSmallForAFootprintDrawsIt) {
+    ToyScene scene(glm::dvec3(0.3, -1, 0.1), kCascades);
+    const auto roof = scene.addMesh(tests::sheetMesh(16, 4));
+    const auto box = scene.addMesh(tests::boxMesh({1, 1, 1}));
+    const std::vector<world::CasterId> ids{scene.addStatic(roof, tests::placedAt({0, 5, 0})),
+                                           scene.addStatic(box, tests::placedAt({0.013, 0, 0.017}))};
+    // About 20 x 20 texels in the fine cascade and 7 x 7 in the coarse one.
+    for (const auto& [budget, certificates] : {std::pair(4096u, 2u), {100u, 1u}, {1u, 0u}}) {
+        auto occlusion = culling::Occlusion::create(scene.table, scene.light, {budget, 100, glm::dvec3(0), kSide, false});
+        occlusion.value()->add(ids);
+        EXPECT_EQ(occlusion.value()->certify(ids).certificates, certificates) << budget << " rays";
+    }
+}
+
+}  // namespace

@@ -1,0 +1,212 @@
+// tests/tools/command_test.cpp — the real programs with bad input: status, one line, nothing left behind.
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <set>
+
+#include "world/path.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Outcome {
+    int status = -1;
+    std::string text;  ///< stdout and stderr
+};
+
+class Commands : public testing::Test {
+protected:
+    fs::path folder_;
+
+    void SetUp() override {
+        // Cases run side by side as processes of their own: each has its folder.
+        const auto* info = testing::UnitTest::GetInstance()->current_test_info();
+        folder_ = fs::path(testing::TempDir()) / ("gnomon_command_" + std::string(info->name()));
+        fs::remove_all(folder_);
+        fs::create_directories(folder_);
+    }
+    void TearDown() override { fs::remove_all(folder_); }
+
+    /// Runs a program in the test's folder.
+    Outcome run(const std::string& program, const std::string& arguments) const {
+        const std::string line =
+            "cd '" + folder_.string() + "' && '" + program + "' " + arguments + " 2>&1 </dev/null";
+        Outcome outcome;
+        FILE* pipe = popen(line.c_str(), "r");
+        if (!pipe) return outcome;
+        std::array<char, 4096> buffer;
+        while (const size_t read = fread(buffer.data(), 1, buffer.size(), pipe))
+            outcome.text.append(buffer.data(), read);
+        const int status = pclose(pipe);
+        outcome.status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+        return outcome;
+    }
+    Outcome gnomon(const std::string& arguments) const { return run(GNOMON_BINARY, arguments); }
+
+    void put(const std::string& name, const std::string& text) const {
+        std::ofstream(folder_ / name) << text;
+    }
+    std::set<std::string> files() const {
+        std::set<std::string> names;
+        for (const auto& entry : fs::recursive_directory_iterator(folder_))
+            names.insert(entry.path().lexically_relative(folder_).string());
+        return names;
+    }
+
+    /// One line that names `word`, the given status, and the folder as it was.
+    void expectRefusal(const std::string& arguments, int status, const std::string& word) const {
+        const std::set<std::string> before = files();
+        const Outcome outcome = gnomon(arguments);
+        EXPECT_EQ(outcome.status, status) << arguments << "\n" << outcome.text;
+        EXPECT_EQ(std::count(outcome.text.begin(), outcome.text.end(), '\n'), 1) << outcome.text;
+        EXPECT_TRUE(outcome.text.starts_with("gnomon: ")) << outcome.text;
+        EXPECT_NE(outcome.text.find(word), std::string::npos) << outcome.text;
+        EXPECT_EQ(files(), before) << arguments;
+    }
+};
+
+TEST_F(Commands, BadOptionsAreUsage) {
+    expectRefusal("", 2, "subcommand");
+    expectRefusal("bake", 2, "source");
+    expectRefusal("bake x.glb", 2, "--output");
+    expectRefusal("replay a.world", 2, "--path");
+    expectRefusal("replay a.world --path p --bogus", 2, "--bogus");
+    expectRefusal("replay a.world --path p --method magic", 2, "magic");
+    expectRefusal("replay a.world --path p --occlusion maybe", 2, "maybe");
+    expectRefusal("replay a.world --path p --sun 90,-5", 2, "--sun");
+    expectRefusal("replay a.world --path p --sun east", 2, "--sun");
+    expectRefusal("replay a.world --path p --threads=-1", 2, "--threads");
+    expectRefusal("bake procedural:x -o a.world", 2, "procedural:x");
+    expectRefusal("bake procedural:7 -o a.world --sun 0,0", 2, "--sun");
+    expectRefusal("bake procedural:7 -o a.world --bounds 0,0,1,1", 2, "--bounds");
+    expectRefusal("bake dem.tif -o a.world --bounds 3,0,1,1", 2, "--bounds");
+    expectRefusal("bake dem.tif -o a.world --chunk=-3", 2, "--chunk");
+}
+
+TEST_F(Commands, MissingAndForeignFilesAreData) {
+    expectRefusal("info missing.world", 3, "missing.world");
+    expectRefusal("replay missing.world --path p.tum", 3, "missing.world");
+    expectRefusal("bake missing.glb -o a.world", 3, "missing.glb");
+    expectRefusal("bake missing.tif -o a.world", 3, "missing.tif");
+    put("text.world", "this is no world");
+    put("text.glb", "this is no scene");
+    put("text.tif", "this is no elevation model");
+    expectRefusal("info text.world --check", 3, "text.world");
+    expectRefusal("bake text.glb -o a.world", 3, "text.glb");
+    expectRefusal("bake text.tif -o a.world", 3, "text.tif");
+    put("empty.world", "");
+    expectRefusal("info empty.world", 3, "empty.world");
+}
+
+TEST_F(Commands, HelpIsNoError) {
+    for (const char* arguments : {"--help", "bake --help", "info --help", "replay --help"})
+        EXPECT_EQ(gnomon(arguments).status, 0) << arguments;
+    EXPECT_EQ(run(GNOMON_BENCH_BINARY, "--help").status, 0);
+    EXPECT_EQ(run(GNOMON_BENCH_BINARY, "").status, 2);
+    EXPECT_EQ(run(GNOMON_BENCH_BINARY, "a.world b.tum").status, 3);
+}
+
+/// A glTF scene of one box 20 m wide, text only: enough of a world to refuse things about.
+constexpr const char* kScene = R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],
+"nodes":[{"mesh":0,"name":"slab"}],"meshes":[{"primitives":[{"attributes":{"POSITION":0},"indices":1}]}],
+"accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[20,5,20]},
+{"bufferView":1,"componentType":5123,"count":3,"type":"SCALAR"}],
+"bufferViews":[{"buffer":0,"byteOffset":0,"byteLength":36},{"buffer":0,"byteOffset":36,"byteLength":6}],
+"buffers":[{"byteLength":42,"uri":"data:application/octet-stream;base64,)";
+
+std::string base64(const std::string& bytes) {
+    constexpr const char* digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    std::string text;
+    for (size_t k = 0; k < bytes.size(); k += 3) {
+        uint32_t group = 0;
+        for (size_t j = 0; j < 3; ++j)
+            group = group << 8 | (k + j < bytes.size() ? uint8_t(bytes[k + j]) : 0);
+        for (size_t j = 0; j < 4; ++j)
+            text += k + j > bytes.size() ? '=' : digits[group >> (18 - 6 * j) & 63];
+    }
+    return text;
+}
+
+std::string scene() {
+    const std::array<float, 9> positions{0, 0, 0, 20, 5, 0, 0, 0, 20};
+    const std::array<uint16_t, 3> indices{0, 1, 2};
+    return kScene +
+           base64(std::string(reinterpret_cast<const char*>(positions.data()), sizeof positions) +
+                  std::string(reinterpret_cast<const char*>(indices.data()), sizeof indices)) +
+           "\"}]}";
+}
+
+TEST_F(Commands, ASmallWorldIsBakedShownAndGuardsItsReplays) {
+    put("scene.gltf", scene());
+    const Outcome baked = gnomon("bake scene.gltf -o small.world --sun 135,40 --threads 1");
+    ASSERT_EQ(baked.status, 0) << baked.text;
+    EXPECT_NE(baked.text.find("1 chunks, 1 instances"), std::string::npos) << baked.text;
+    EXPECT_EQ(files(), (std::set<std::string>{"scene.gltf", "small.world"}));
+    const Outcome info = gnomon("info small.world --check");
+    EXPECT_EQ(info.status, 0) << info.text;
+    EXPECT_NE(info.text.find("azimuth 135.000, elevation 40.000"), std::string::npos) << info.text;
+    EXPECT_NE(info.text.find("1 instances of 1 meshes"), std::string::npos) << info.text;
+
+    put("near.tum", "0 5 2 5 0 0 0 1\n1 6 2 5 0 0 0 1\n");
+    put("far.tum", "0 50000 2 5 0 0 0 1\n1 50001 2 5 0 0 0 1\n");
+    put("broken.tum", "0 5 2 5 0 0 0 1\n1 6 two 5 0 0 0 1\n");
+    put("ghost.csv", "time,id,node_or_mesh,x,y,z,qx,qy,qz,qw,scale\n0,0,ghost,0,0,0,0,0,0,1,1\n");
+    expectRefusal("replay small.world --path missing.tum", 3, "missing.tum");
+    expectRefusal("replay small.world --path broken.tum", 3, "broken.tum:2");
+    expectRefusal("replay small.world --path far.tum", 2, "50000");
+    for (const char* range : {"5:6", "0:3", "1:1", "2:1", "x"})
+        expectRefusal(std::string("replay small.world --path near.tum --frames ") + range, 2, "--frames");
+    expectRefusal("replay small.world --path near.tum --fps=-2", 2, "--fps");
+    expectRefusal("replay small.world --path near.tum --verify=0", 2, "--verify");
+    expectRefusal("replay small.world --path near.tum --cascades 9", 2, "cascades");
+    expectRefusal("replay small.world --path near.tum --resolution 7", 2, "resolution");
+    expectRefusal("replay small.world --path near.tum --far=-5", 2, "far");
+    expectRefusal("replay small.world --path near.tum --movers missing.csv", 3, "missing.csv");
+    expectRefusal("replay small.world --path near.tum --movers ghost.csv", 3, "ghost");
+    expectRefusal("replay small.world --path near.tum --device no-such-device", 3, "no-such-device");
+    expectRefusal("replay small.world --path near.tum --out scene.gltf", 3, "scene.gltf");
+    expectRefusal("replay small.world --path near.tum --out a/b --dump scene.gltf/c", 3, "scene.gltf");
+}
+
+TEST_F(Commands, AReplayWritesAllItsResults) {
+    put("scene.gltf", scene());
+    ASSERT_EQ(gnomon("bake scene.gltf -o small.world --sun 135,40").status, 0);
+    put("walk.tum", "0 5 2 5 0 0 0 1\n1 6 2 5 0 0 0 1\n2 8 2 5 0 0 0 1\n3 20 2 5 0 0 0 1\n");
+    const std::string small = "replay small.world --path walk.tum --resolution 64 --cascades 2 --far 50";
+    const Outcome first = gnomon(small + " --verify --dump pictures");
+    ASSERT_EQ(first.status, 0) << first.text;
+    EXPECT_NE(first.text.find("0 differ"), std::string::npos) << first.text;
+    for (const char* name :
+         {"small.replay/frames.csv", "small.replay/summary.json", "pictures/frame_000003_cascade_1.png",
+          "pictures/frame_000000_cascade_0_depth.png"})
+        EXPECT_TRUE(files().contains(name)) << name;
+
+    // Another number of threads and another run: all but the times are equal.
+    const Outcome second = gnomon(small + " --verify --threads 1 --out second");
+    ASSERT_EQ(second.status, 0) << second.text;
+    std::ifstream a(folder_ / "small.replay/frames.csv"), b(folder_ / "second/frames.csv");
+    std::string lineA, lineB;
+    std::getline(a, lineA);
+    const size_t noisy = size_t(std::count(lineA.begin(), lineA.begin() + ptrdiff_t(lineA.find(",t_")), ','));
+    const auto deterministic = [&](const std::string& line) {
+        size_t end = 0;
+        for (size_t k = 0; k <= noisy; ++k) end = line.find(',', end + 1);
+        return line.substr(0, end);
+    };
+    size_t rows = 0;
+    std::getline(b, lineB);
+    while (std::getline(a, lineA)) {
+        ASSERT_TRUE(std::getline(b, lineB));
+        EXPECT_EQ(deterministic(lineA), deterministic(lineB));
+        ++rows;
+    }
+    EXPECT_EQ(rows, 8u);
+}
+
+}  // namespace

@@ -1,0 +1,65 @@
+// tests/tools/synthetic_frames.h — made-up frames of a replay whose counts add up, from a seed.
+#pragma once
+
+#include <random>
+
+#include "tools/replay.h"
+
+namespace tools_test {
+
+inline cache::Cost randomCost(std::mt19937& rng) {
+    std::uniform_int_distribution<uint64_t> count(0, 100000);
+    return rng() % 3 == 0 ? cache::Cost{} : cache::Cost{count(rng), count(rng), count(rng), count(rng)};
+}
+
+inline cache::CascadeStatistics randomCascade(std::mt19937& rng) {
+    std::uniform_int_distribution<int64_t> texel(-4'000'000'000, 4'000'000'000);
+    cache::CascadeStatistics statistics;
+    statistics.window = {texel(rng), texel(rng)};
+    statistics.move = {texel(rng) % 100, texel(rng) % 100};
+    for (cache::Cost& cost : statistics.byCause) {
+        cost = randomCost(rng);
+        statistics.total += cost;
+    }
+    statistics.active = randomCost(rng);
+    statistics.clustersFound = rng() % 10000;
+    statistics.clustersHidden = statistics.clustersFound / 3;
+    return statistics;
+}
+
+/// Times come from `noise`, everything else from `rng`: two calls with equal `rng` and different
+/// `noise` are two runs of one replay.
+inline tools::ReplayFrame randomFrame(std::mt19937& rng, std::mt19937& noise, uint64_t number, int cascades) {
+    std::uniform_real_distribution<double> ms(0, 50);
+    tools::ReplayFrame frame;
+    frame.number = number;
+    frame.report.frame = number;
+    frame.report.time = static_cast<double>(number) / 30;
+    frame.report.gpu.submitted = rng() % 4 != 0;
+    frame.report.chunkArrivals = rng() % 5;
+    frame.report.chunkDepartures = rng() % 5;
+    frame.report.bytesRead = rng();
+    frame.report.bytesUploaded = rng();
+    frame.report.rays = rng();
+    frame.report.certificates = rng() % 100;
+    frame.report.revocations = rng() % 10;
+    frame.report.planHash = rng();
+    const bool verified = rng() % 2 == 0;
+    if (verified) frame.verify.emplace();
+    for (int c = 0; c < cascades; ++c) {
+        frame.report.cascades.push_back(randomCascade(rng));
+        frame.redraw.push_back(randomCost(rng));
+        if (frame.report.gpu.submitted) frame.report.gpu.cascades.push_back({ms(noise), ms(noise)});
+        if (!verified) continue;
+        frame.hashes.push_back({rng(), rng()});
+        frame.verify->redraw.cascades.push_back({ms(noise), ms(noise)});
+        frame.verify->texels += 1024;
+    }
+    frame.report.cpu = {ms(noise), ms(noise), ms(noise), ms(noise), ms(noise)};
+    frame.report.gpu.recordMs = ms(noise);
+    frame.report.gpu.wallMs = ms(noise);
+    frame.advanceMs = ms(noise);
+    return frame;
+}
+
+}  // namespace tools_test

@@ -1,0 +1,26 @@
+#!/usr/bin/env bash
+# Builds Gnomon, bakes the built-in world once and replays its path: every 25th frame is verified texel by
+# texel, pictures and statistics land in out/demo.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+tools/install.sh
+cmake --preset release >/dev/null
+cmake --build --preset release --target gnomon
+gnomon=build/release/tools/gnomon
+
+mkdir -p out
+for file in out/demo.world out/demo.tum out/demo.movers.csv; do
+    [ -f "$file" ] || {
+        "$gnomon" bake procedural:7 -o out/demo.world
+        break
+    }
+done
+"$gnomon" replay out/demo.world --path out/demo.tum --movers out/demo.movers.csv \
+    --verify=25 --dump out/demo/pictures --out out/demo
+
+echo
+echo "out/demo.world          the baked world, kept for the next run"
+echo "out/demo/frames.csv     one row per frame and cascade (docs/columns.md)"
+echo "out/demo/summary.json   the table above, for programs"
+echo "out/demo/pictures       8 frames: whole redraw, what the scroll kept, what was newly drawn; depth"

@@ -1,0 +1,192 @@
+#include "tools/dump.h"
+
+#include <png.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <optional>
+#include <utility>
+
+#include "cache/lattice.h"
+#include "tools/replay.h"
+
+namespace tools {
+namespace {
+
+using Rgb = std::array<uint8_t, 3>;
+constexpr Rgb kEmpty{28, 40, 84};
+constexpr Rgb kUntouched{22, 22, 26};
+constexpr Rgb kExposed{255, 140, 0};
+constexpr Rgb kCleared{220, 0, 200};
+
+/// Depths that occur, empty texels aside.
+struct DepthRange {
+    float nearest = 1, farthest = 0;
+    void add(std::span<const float> depths) {
+        for (float d : depths) {
+            if (!(d < 1)) continue;
+            nearest = std::min(nearest, d);
+            farthest = std::max(farthest, d);
+        }
+    }
+    Rgb shade(float depth) const {
+        if (!(depth < 1)) return kEmpty;
+        const float span = farthest - nearest;
+        const float away = span > 0 ? std::clamp((depth - nearest) / span, 0.0f, 1.0f) : 0.0f;
+        const auto gray = static_cast<uint8_t>(std::lround(255 - 200 * away));
+        return {gray, gray, gray};
+    }
+};
+
+Rgb tinted(Rgb base, Rgb tint) {
+    Rgb out{};
+    for (size_t k = 0; k < 3; ++k) out[k] = static_cast<uint8_t>((base[k] + 2 * tint[k]) / 3);
+    return out;
+}
+
+/// Per stored texel, whether a rectangle covers it.
+std::vector<uint8_t> coverage(std::span<const cache::StoreRect> rects, int side) {
+    std::vector<uint8_t> covered(size_t(side) * size_t(side), 0);
+    for (const cache::StoreRect& r : rects)
+        for (int y = r.min.y; y < r.max.y; ++y)
+            std::fill_n(covered.begin() + ptrdiff_t(y) * side + r.min.x, r.max.x - r.min.x, uint8_t(1));
+    return covered;
+}
+
+/// Writes with libpng's simplified interface, which reports errors by value.
+world::Result<world::Done> writeImage(png_uint_32 format, int width, int height, const void* pixels,
+                                      const std::string& path) {
+    png_image image;
+    std::memset(&image, 0, sizeof image);
+    image.version = PNG_IMAGE_VERSION;
+    image.width = static_cast<png_uint_32>(width);
+    image.height = static_cast<png_uint_32>(height);
+    image.format = format;
+    if (png_image_write_to_file(&image, path.c_str(), 0, pixels, 0, nullptr)) return world::Done{};
+    return world::Error{world::ErrorCode::kIo, path + ": " + image.message +
+                                                   "; give --dump a folder that can be written, with room"};
+}
+
+}  // namespace
+
+std::vector<float> unwrap(std::span<const float> stored, int side, cache::Texel window) {
+    CHECK(stored.size() == size_t(side) * size_t(side));
+    std::vector<float> image(stored.size());
+    // Each row is stored as two runs: from the window's first column to the map's edge, then the rest.
+    const cache::Lattice lattice{.texel = 1, .side = side};
+    for (int y = 0; y < side; ++y) {
+        const cache::Texel first = lattice.slot(window + cache::Texel(0, y));
+        const auto row = stored.begin() + first.y * side;
+        std::rotate_copy(row, row + first.x, row + side, image.begin() + ptrdiff_t(y) * side);
+    }
+    return image;
+}
+
+RgbImage scrollPicture(const ScrollMaps& maps) {
+    const int side = maps.side;
+    const size_t area = size_t(side) * size_t(side);
+    CHECK(maps.before.size() == area && maps.after.size() == area && maps.redrawn.size() == area);
+    DepthRange range;
+    range.add(maps.redrawn);
+    range.add(maps.after);
+    const std::vector<uint8_t> cleared = coverage(maps.cleared, side);
+    const cache::Lattice lattice{.texel = 1, .side = side};
+
+    RgbImage image{side, 3 * side, std::vector<uint8_t>(3 * 3 * area)};
+    const auto put = [&](int view, int x, int y, Rgb color) {
+        std::copy(color.begin(), color.end(),
+                  image.pixels.begin() + 3 * (ptrdiff_t(view) * ptrdiff_t(area) + ptrdiff_t(y) * side + x));
+    };
+    for (int y = 0; y < side; ++y) {
+        for (int x = 0; x < side; ++x) {
+            const cache::Texel stored = lattice.slot(maps.window + cache::Texel(x, y));
+            const size_t at = size_t(stored.y * side + stored.x);
+            // The window's move alone says what it exposed; other clears have other causes.
+            const int64_t oldX = x + maps.move.x, oldY = y + maps.move.y;
+            const bool exposed = oldX < 0 || oldY < 0 || oldX >= side || oldY >= side;
+            const bool drawn = cleared[at] || maps.before[at] != maps.after[at];
+            put(0, x, y, range.shade(maps.redrawn[at]));
+            put(1, x, y, !cleared[at] ? range.shade(maps.before[at]) : exposed ? kExposed : kCleared);
+            if (!drawn)
+                put(2, x, y, kUntouched);
+            else if (!cleared[at])
+                put(2, x, y, range.shade(maps.after[at]));
+            else
+                put(2, x, y,
+                    maps.after[at] < 1 ? range.shade(maps.after[at])
+                                       : tinted(kUntouched, exposed ? kExposed : kCleared));
+        }
+    }
+    return image;
+}
+
+world::Result<world::Done> writePng(const RgbImage& image, const std::string& path) {
+    return writeImage(PNG_FORMAT_RGB, image.width, image.height, image.pixels.data(), path);
+}
+
+world::Result<world::Done> writeDepthPng(std::span<const float> depths, int side, const std::string& path) {
+    std::vector<uint16_t> gray(depths.size());
+    std::transform(depths.begin(), depths.end(), gray.begin(), [](float depth) {
+        return static_cast<uint16_t>(std::lround(std::clamp(double(depth), 0.0, 1.0) * 65535));
+    });
+    return writeImage(PNG_FORMAT_LINEAR_Y, side, side, gray.data(), path);
+}
+
+Dump::Dump(const OutputFolder& folder, size_t frames) : folder_(folder) {
+    // The middle of each eighth: the first frame, which draws everything, would show little.
+    for (size_t k = 0; k < kFrames; ++k) wanted_.push_back((2 * k + 1) * frames / (2 * kFrames));
+    wanted_.erase(std::unique(wanted_.begin(), wanted_.end()), wanted_.end());
+}
+
+bool Dump::wants(size_t index) const { return std::binary_search(wanted_.begin(), wanted_.end(), index); }
+
+world::Result<world::Done> Dump::before(server::ShadowSystem& system) {
+    before_.clear();
+    for (int c = 0; c < system.cascades(); ++c) {
+        auto map = system.readMap(c, gpu::MapKind::kCache);
+        if (!map) return map.error();
+        before_.push_back(std::move(map.value()));
+    }
+    return world::Done{};
+}
+
+world::Result<world::Done> Dump::after(server::ShadowSystem& system, const ReplayFrame& frame) {
+    const int side = system.config().side;
+    const size_t cascades = before_.size();
+    using Map = std::vector<float>;
+    std::vector<Map> cached(cascades), redrawn(cascades), working(cascades);
+    for (size_t c = 0; c < cascades; ++c) {
+        const std::pair<gpu::MapKind, Map*> reads[] = {{gpu::MapKind::kCache, &cached[c]},
+                                                       {gpu::MapKind::kScratchCache, &redrawn[c]},
+                                                       {gpu::MapKind::kWorking, &working[c]}};
+        for (const auto& [kind, map] : reads) {
+            auto read = system.readMap(int(c), kind);
+            if (!read) return read.error();
+            *map = std::move(read.value());
+        }
+    }
+    // Compression takes most of the time, and the pictures have nothing to do with each other.
+    std::vector<std::optional<world::Error>> errors(cascades);
+    tbb::parallel_for(size_t(0), cascades, [&](size_t c) {
+        const cache::CascadeStatistics& statistics = frame.report.cascades[c];
+        const ScrollMaps maps{side,       statistics.window,          statistics.move, before_[c], cached[c],
+                              redrawn[c], system.clearedRects(int(c))};
+        char name[64];
+        std::snprintf(name, sizeof name, "frame_%06llu_cascade_%zu",
+                      static_cast<unsigned long long>(frame.number), c);
+        const std::string path = folder_.pathFor(name);
+        auto done = writePng(scrollPicture(maps), path + ".png");
+        if (done)
+            done = writeDepthPng(unwrap(working[c], side, statistics.window), side, path + "_depth.png");
+        if (!done) errors[c] = done.error();
+    });
+    for (const auto& error : errors)
+        if (error) return *error;
+    return world::Done{};
+}
+
+}  // namespace tools

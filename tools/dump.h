@@ -1,0 +1,68 @@
+// tools/dump.h — pictures of what a scroll kept and what it drew, to see a cascade's cache at work.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "server/shadow_system.h"
+#include "tools/output_folder.h"
+
+namespace tools {
+
+struct ReplayFrame;
+
+/// 8-bit RGB, row by row, three bytes a pixel.
+struct RgbImage {
+    int width = 0, height = 0;  ///< [pixels]
+    std::vector<uint8_t> pixels;
+};
+
+/// A map in the order of its window: pixel (x, y) is lattice texel window + (x, y), which is stored
+/// at that sum modulo `side` on each axis. `stored` has side * side values.
+std::vector<float> unwrap(std::span<const float> stored, int side, cache::Texel window);
+
+/// One cascade's cache map around one frame; all maps in stored order, side * side values.
+struct ScrollMaps {
+    int side = 0;                               ///< [texels]
+    cache::Texel window{0}, move{0};            ///< after the frame, and by how much it moved [texels]
+    std::span<const float> before, after;       ///< cache map around the frame
+    std::span<const float> redrawn;             ///< drawn from scratch after the frame
+    std::span<const cache::StoreRect> cleared;  ///< regions that the frame redrew from nothing
+};
+
+/// Three views in window order, each side x side, one under the other: the map drawn from scratch;
+/// what the frame kept, exposed slabs tinted orange and other cleared regions magenta; what the frame
+/// drew, which is every texel that is cleared or differs from before, the rest dark. Depth runs from
+/// white (nearest the sun) to dark gray over the depths that occur; empty texels are blue.
+RgbImage scrollPicture(const ScrollMaps& maps);
+
+/// kIo names the file.
+world::Result<world::Done> writePng(const RgbImage& image, const std::string& path);
+/// 16 bits a pixel, round(depth * 65535): absolute, unlike the pictures. `depths` has side * side values.
+world::Result<world::Done> writeDepthPng(std::span<const float> depths, int side, const std::string& path);
+
+/// Dumps 8 frames spread evenly over a replay, per cascade `frame_NUMBER_cascade_C.png` (see
+/// scrollPicture) and `frame_NUMBER_cascade_C_depth.png`, the working map in window order.
+/// One thread at a time.
+class Dump {
+public:
+    static constexpr size_t kFrames = 8;
+    /// `folder` must outlive the dump; `frames` is the replay's length.
+    Dump(const OutputFolder& folder, size_t frames);
+
+    /// Whether the frame at `index`, counted from the first one played, is to be dumped.
+    bool wants(size_t index) const;
+    /// Keeps the maps as they are ahead of a frame.
+    world::Result<world::Done> before(server::ShadowSystem& system);
+    /// Writes the pictures of the frame just advanced and verified: the scratch maps hold its redraw.
+    world::Result<world::Done> after(server::ShadowSystem& system, const ReplayFrame& frame);
+
+private:
+    const OutputFolder& folder_;
+    std::vector<size_t> wanted_;              ///< ascending
+    std::vector<std::vector<float>> before_;  ///< cache map per cascade
+};
+
+}  // namespace tools

@@ -1,0 +1,32 @@
+// tools/main.cpp — the `gnomon` command. Exit status: 0 done, 1 maps differ, 2 usage, 3 data or machine.
+#include <CLI/CLI.hpp>
+#include <iostream>
+
+#include "tools/bake_command.h"
+#include "tools/info_command.h"
+#include "tools/options.h"
+#include "tools/replay_command.h"
+
+int main(int argc, char** argv) {
+    CLI::App app("Gnomon: cached shadow maps for streaming open worlds", "gnomon");
+    app.require_subcommand(1);
+    app.failure_message([](const CLI::App*, const CLI::Error& error) {
+        return "gnomon: " + std::string(error.what()) + "; --help lists the options\n";
+    });
+    const tools::Command commands[] = {tools::addBakeCommand(app), tools::addInfoCommand(app),
+                                       tools::addReplayCommand(app)};
+    try {
+        app.parse(argc, argv);
+    } catch (const CLI::ParseError& error) {
+        return app.exit(error) == 0 ? 0 : 2;
+    }
+    for (const tools::Command& command : commands) {
+        if (!command.parser->parsed()) continue;
+        const auto status = command.run();
+        if (status) return status.value();
+        std::cout.flush();
+        std::cerr << "gnomon: " << status.error().what << '\n';
+        return tools::exitStatus(status.error().code);
+    }
+    return 2;
+}

@@ -1,0 +1,36 @@
+// tools/options.h — words of the command line turned into values, and errors into exit statuses.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <string>
+
+#include "world/result.h"
+
+namespace tools {
+
+/// Frame numbers begin <= n < end.
+struct FrameRange {
+    uint64_t begin = 0, end = 0;
+    friend bool operator==(const FrameRange&, const FrameRange&) = default;
+};
+
+/// Exit status of a command that failed: 2 for kUsage, 3 for everything else. 0 is success, and 1 a
+/// replay whose maps differ from their redraw.
+int exitStatus(world::ErrorCode code);
+
+/// "A:B" with A < B. kUsage names the option.
+world::Result<FrameRange> parseFrameRange(const std::string& text);
+
+/// "AZIMUTH,ELEVATION" [degrees] as the direction of the light's travel, unit. Azimuth runs clockwise
+/// from north (-z). kUsage for what is not two numbers and for a sun less than 1 degree high.
+world::Result<glm::dvec3> parseSun(const std::string& text);
+
+/// "XMIN,YMIN,XMAX,YMAX" with XMIN < XMAX and YMIN < YMAX, in the units of the source.
+world::Result<std::array<double, 4>> parseBounds(const std::string& text);
+
+/// A whole number >= 1. kUsage names `option`.
+world::Result<uint64_t> parseCount(const std::string& option, const std::string& text);
+
+}  // namespace tools

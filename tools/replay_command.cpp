@@ -1,0 +1,278 @@
+#include "tools/replay_command.h"
+
+#include <tbb/global_control.h>
+#include <tbb/info.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "tools/dump.h"
+#include "tools/frames_csv.h"
+#include "tools/options.h"
+#include "tools/output_folder.h"
+#include "tools/progress.h"
+#include "tools/replay.h"
+#include "tools/summary.h"
+#include "world/movers.h"
+#include "world/path.h"
+#include "world/store.h"
+
+namespace tools {
+namespace {
+
+namespace fs = std::filesystem;
+using world::Done;
+using world::Error;
+using world::ErrorCode;
+using world::Result;
+
+struct ReplayOptions {
+    std::string world, path, movers;
+    std::string sun, frames, verify;  ///< as typed; empty: not given
+    std::string method = "gnomon", occlusion = "exact";
+    double fps = 0;   ///< 0: the path's own times
+    int threads = 0;  ///< 0: all
+    server::ShadowConfig shadow;
+    uint64_t gpuBudget = 512, memoryBudget = 4096;  ///< [MiB]
+    gpu::DeviceConfig device;
+    std::string dump, out;  ///< empty: no pictures; NAME.replay
+};
+
+Error usage(std::string what) { return {ErrorCode::kUsage, std::move(what)}; }
+
+/// The system's configuration as the options say it; ranges of the numbers are the system's to test.
+Result<server::ShadowConfig> shadowConfig(const ReplayOptions& options) {
+    server::ShadowConfig config = options.shadow;
+    if (!options.sun.empty()) {
+        const auto sun = parseSun(options.sun);
+        if (!sun) return sun.error();
+        config.sun = sun.value();
+    }
+    config.method = options.method == "redraw" ? server::Method::kRedraw : server::Method::kGnomon;
+    config.occlusion = options.occlusion == "exact";
+    config.geometryBytes = options.gpuBudget << 20;
+    config.residentBytes = options.memoryBudget << 20;
+    return config;
+}
+
+/// What differs, for people: texel, both depths and the casters there.
+void printDifferences(const ReplayFrame& frame, Progress& progress) {
+    progress.say("frame " + std::to_string(frame.number) + ": " + std::to_string(frame.verify->differing) +
+                 " texels differ from the redraw");
+    for (const server::Difference& d : frame.verify->first) {
+        char line[256];
+        std::snprintf(
+            line, sizeof line,
+            "  cascade %d, %s map, texel (%lld, %lld): cached %.9g, redrawn %.9g; casters:", d.cascade,
+            d.map == gpu::MapKind::kCache ? "cache" : "working", static_cast<long long>(d.texel.x),
+            static_cast<long long>(d.texel.y), double(d.cached), double(d.redrawn));
+        std::string text = line;
+        for (const std::string& caster : d.casters) text += ' ' + caster;
+        progress.say(d.casters.empty() ? text + " none" : text);
+    }
+}
+
+/// Everything that a run needs, opened and checked before the first frame.
+struct Run {
+    std::unique_ptr<gpu::Device> device;
+    std::optional<world::WorldStore> store;
+    std::unique_ptr<server::ShadowSystem> system;
+    ReplayInput input;
+    std::optional<MoverFeed> movers;
+    ReplayHead head;
+};
+
+std::string nameOf(const std::string& path) { return fs::path(path).filename().string(); }
+
+Result<Done> openInput(const ReplayOptions& options, double farDistance, Run& run) {
+    auto store = world::WorldStore::open(options.world);
+    if (!store) return store.error();
+    run.store.emplace(std::move(store.value()));
+    std::optional<FrameRange> range;
+    if (!options.frames.empty()) {
+        const auto parsed = parseFrameRange(options.frames);
+        if (!parsed) return parsed.error();
+        range = parsed.value();
+    }
+    const auto path = world::readTum(options.path);
+    if (!path) return path.error();
+    auto poses = replayPoses(path.value(), options.fps, range);
+    if (!poses) return poses.error();
+    run.input.poses = std::move(poses.value());
+    run.input.firstNumber = range ? range->begin : 0;
+    run.input.verifyEvery = samplingStep(run.input.poses.size());
+    if (!options.verify.empty()) {
+        const auto every = parseCount("--verify", options.verify);
+        if (!every) return every.error();
+        run.input.verifyEvery = every.value();
+    }
+    const auto inWorld = requirePathInWorld(run.input.poses, run.store->header().bounds, farDistance);
+    if (!inWorld) return Error{inWorld.error().code, options.path + ": " + inWorld.error().what};
+    return Done{};
+}
+
+Result<Done> openSystem(const ReplayOptions& options, const server::ShadowConfig& config, Run& run) {
+    std::vector<world::MoverTrack> tracks;
+    if (!options.movers.empty()) {
+        auto read = world::readMovers(options.movers);
+        if (!read) return read.error();
+        tracks = std::move(read.value());
+    }
+    auto device = gpu::Device::create(options.device);
+    if (!device) return device.error();
+    run.device = std::move(device.value());
+    auto system = server::ShadowSystem::create(*run.device, *run.store, config);
+    if (!system) return system.error();
+    run.system = std::move(system.value());
+    if (tracks.empty()) return Done{};
+    auto feed = MoverFeed::create(*run.system, std::move(tracks));
+    if (!feed) return Error{feed.error().code, options.movers + ": " + feed.error().what};
+    run.movers.emplace(std::move(feed.value()));
+    return Done{};
+}
+
+Result<Done> describe(const ReplayOptions& options, Run& run) {
+    const auto hash = run.store->contentHash();
+    if (!hash) return hash.error();
+    char text[20];
+    std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(hash.value()));
+    run.head = {
+        .world = nameOf(options.world),
+        .worldHash = text,
+        .source = run.store->header().source,
+        .path = nameOf(options.path),
+        .movers = nameOf(options.movers),
+        .config = run.system->config(),
+        .texels = {},
+        .splits = {},
+        .device = run.device->name(),
+        .driver = run.device->driver(),
+        .threads = int(tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism))};
+    return Done{};
+}
+
+/// Plays the run and writes its results, all or none.
+Result<Summary> play(const ReplayOptions& options, Run& run) {
+    const std::string folder =
+        options.out.empty() ? fs::path(options.world).stem().string() + ".replay" : options.out;
+    auto results = OutputFolder::create(folder);
+    if (!results) return results.error();
+    std::optional<OutputFolder> pictures;
+    std::optional<Dump> dump;
+    if (!options.dump.empty()) {
+        auto created = OutputFolder::create(options.dump);
+        if (!created) return created.error();
+        pictures.emplace(std::move(created.value()));
+        dump.emplace(*pictures, run.input.poses.size());
+    }
+    const std::vector<FrameColumn> columns = frameColumns();
+    std::ofstream csv(results.value().pathFor("frames.csv"), std::ios::binary);
+    csv << csvHeader(columns);
+
+    Summary summary;
+    {
+        Progress progress("replay", std::cerr, stderrIsTerminal());
+        const auto done = replay(
+            *run.system, run.input, run.movers ? &*run.movers : nullptr, dump ? &*dump : nullptr,
+            [&](const ReplayFrame& frame) -> Result<Done> {
+                summary.add(frame);
+                csv << csvRows(columns, frame);
+                if (!csv)
+                    return Error{ErrorCode::kIo, folder +
+                                                     "/frames.csv: cannot be written; make room or give "
+                                                     "another --out"};
+                for (const Error& error : frame.report.errors)
+                    progress.say("frame " + std::to_string(frame.number) + ": " + error.what);
+                if (frame.verify && frame.verify->differing > 0) printDifferences(frame, progress);
+                progress.at(size_t(summary.frames), run.input.poses.size());
+                return Done{};
+            });
+        if (!done) return done.error();
+    }
+    csv.close();
+    if (!csv)
+        return Error{ErrorCode::kIo,
+                     folder + "/frames.csv: cannot be written; make room or give another --out"};
+    for (int c = 0; c < run.system->cascades(); ++c) {
+        run.head.texels.push_back(run.system->view(c).texel);
+        run.head.splits.push_back(run.system->view(c).split);
+    }
+    if (const auto done = results.value().write("summary.json", toJson(run.head, summary)); !done)
+        return done.error();
+    if (const auto done = results.value().commit(); !done) return done.error();
+    if (pictures) {
+        if (const auto done = pictures->commit(); !done) return done.error();
+    }
+    return summary;
+}
+
+Result<int> runReplay(const ReplayOptions& options) {
+    if (options.threads < 0) return usage("--threads: not negative; leave it out to use all");
+    std::optional<tbb::global_control> limit;
+    if (options.threads > 0)
+        limit.emplace(tbb::global_control::max_allowed_parallelism, size_t(options.threads));
+    const auto config = shadowConfig(options);
+    if (!config) return config.error();
+
+    Run run;
+    if (const auto done = openInput(options, config.value().farDistance, run); !done) return done.error();
+    if (const auto done = openSystem(options, config.value(), run); !done) return done.error();
+    if (const auto done = describe(options, run); !done) return done.error();
+    const auto summary = play(options, run);
+    if (!summary) return summary.error();
+    std::cout << toText(run.head, summary.value());
+    const std::vector<std::string> messages = run.device->validationMessages();
+    for (const std::string& message : messages) std::cerr << message << '\n';
+    if (!messages.empty())
+        return Error{ErrorCode::kDevice,
+                     std::to_string(messages.size()) + " validation messages, listed above"};
+    return summary.value().differingTexels == 0 ? 0 : 1;
+}
+
+void addSystemOptions(CLI::App& parser, ReplayOptions& options) {
+    parser.add_option("--sun", options.sun,
+                      "AZIMUTH,ELEVATION of the sun [degrees]; the world's own by default");
+    parser.add_option("--method", options.method, "gnomon, or redraw: everything drawn whole in each frame")
+        ->check(CLI::IsMember({"gnomon", "redraw"}));
+    parser.add_option("--cascades", options.shadow.cascades, "cascades, 1 to 8");
+    parser.add_option("--resolution", options.shadow.side, "texels a side of each map, 64 to 8192");
+    parser.add_option("--far", options.shadow.farDistance, "how far from the eye shadows reach [m]");
+    parser.add_option("--occlusion", options.occlusion, "off, or exact: skip casters proven hidden")
+        ->check(CLI::IsMember({"off", "exact"}));
+    parser.add_option("--rays", options.shadow.raysPerCluster, "most rays to prove one cluster hidden");
+    parser.add_option("--gpu-budget", options.gpuBudget, "geometry on the GPU [MiB]")
+        ->check(CLI::Range(uint64_t(1), uint64_t(1) << 30));
+    parser.add_option("--memory-budget", options.memoryBudget, "decoded chunks and meshes [MiB]")
+        ->check(CLI::Range(uint64_t(1), uint64_t(1) << 30));
+    parser.add_option("--device", options.device.nameContains,
+                      "use the first device whose name contains this");
+    parser.add_flag("--validation", options.device.validation,
+                    "Vulkan's core and synchronization validation");
+    parser.add_option("--threads", options.threads, "threads to use; all by default");
+}
+
+}  // namespace
+
+Command addReplayCommand(CLI::App& app) {
+    const auto options = std::make_shared<ReplayOptions>();
+    CLI::App* parser = app.add_subcommand("replay", "Play a recorded path through a world");
+    parser->add_option("world", options->world, "world file")->required();
+    parser->add_option("--path", options->path, "camera path, TUM trajectory")->required();
+    parser->add_option("--movers", options->movers, "recorded motion of objects, CSV");
+    parser->add_option("--frames", options->frames, "FIRST:END, frame numbers to play");
+    parser->add_option("--fps", options->fps, "resample the path to this rate; its own times by default");
+    parser->add_flag("--verify{1}", options->verify, "=N: redraw and compare every texel of every Nth frame");
+    parser->add_option("--dump", options->dump, "folder for pictures of 8 frames");
+    parser->add_option("--out", options->out,
+                       "folder for frames.csv and summary.json; NAME.replay by default");
+    addSystemOptions(*parser, *options);
+    return {parser, [options] { return runReplay(*options); }};
+}
+
+}  // namespace tools

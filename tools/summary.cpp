@@ -1,0 +1,212 @@
+#include "tools/summary.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "world/hash.h"
+
+namespace tools {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+void addCascade(CascadeSummary& sum, const ReplayFrame& frame, size_t c) {
+    const cache::CascadeStatistics& statistics = frame.report.cascades[c];
+    for (size_t k = 0; k < cache::kCauses; ++k) {
+        sum.byCause[k] += statistics.byCause[k];
+        sum.framesByCause[k] += statistics.byCause[k] == cache::Cost{} ? 0 : 1;
+    }
+    sum.total += statistics.total;
+    sum.active += statistics.active;
+    sum.redraw += frame.redraw[c];
+    sum.frames += statistics.total == cache::Cost{} ? 0 : 1;
+    sum.clustersFound += statistics.clustersFound;
+    sum.clustersHidden += statistics.clustersHidden;
+    const gpu::CascadeTimes times = timesOf(frame.report.gpu, c);
+    sum.staticMs += times.staticMs;
+    sum.activeMs += times.activeMs;
+    if (!frame.verify) return;
+    sum.staticTimes.cached.push_back(times.staticMs);
+    sum.staticTimes.redrawn.push_back(timesOf(frame.verify->redraw, c).staticMs);
+}
+
+std::string hex(uint64_t hash) {
+    char text[20];
+    std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(hash));
+    return text;
+}
+
+Json json(const cache::Cost& cost) {
+    return {{"texels", cost.texels},
+            {"casters", cost.casters},
+            {"triangles", cost.triangles},
+            {"draws", cost.draws}};
+}
+
+Json json(const TimePair& times) {
+    return {{"frames", times.cached.size()},
+            {"cached_median_ms", median(times.cached)},
+            {"redraw_median_ms", median(times.redrawn)}};
+}
+
+Json configJson(const ReplayHead& head) {
+    const server::ShadowConfig& config = head.config;
+    return {{"method", config.method == server::Method::kGnomon ? "gnomon" : "redraw"},
+            {"cascades", config.cascades},
+            {"resolution", config.side},
+            {"far_m", config.farDistance},
+            {"split_ratio", config.splitRatio},
+            {"sun", {config.sun.x, config.sun.y, config.sun.z}},
+            {"occlusion", config.occlusion ? "exact" : "off"},
+            {"rays_per_cluster", config.raysPerCluster},
+            {"rest_seconds", config.restSeconds}};
+}
+
+Json cascadeJson(const ReplayHead& head, const Summary& summary, size_t c) {
+    const CascadeSummary& sum = summary.cascades[c];
+    Json causes;
+    for (size_t k = 0; k < cache::kCauses; ++k) {
+        Json cause = json(sum.byCause[k]);
+        cause["frames"] = sum.framesByCause[k];
+        causes[cache::toString(static_cast<cache::Cause>(k))] = cause;
+    }
+    Json cascade = {{"texel_m", head.texels[c]},
+                    {"split_m", head.splits[c]},
+                    {"frames_touched", sum.frames},
+                    {"causes", causes},
+                    {"static", json(sum.total)},
+                    {"active", json(sum.active)},
+                    {"redraw", json(sum.redraw)},
+                    {"clusters_found", sum.clustersFound},
+                    {"clusters_hidden", sum.clustersHidden}};
+    if (!summary.lastHashes.empty()) {
+        cascade["last_cache_hash"] = hex(summary.lastHashes[c].cache);
+        cascade["last_working_hash"] = hex(summary.lastHashes[c].working);
+    }
+    return cascade;
+}
+
+Json timesJson(const Summary& summary) {
+    Json cascades = Json::array();
+    for (const CascadeSummary& sum : summary.cascades) {
+        Json times = json(sum.staticTimes);
+        times["static_sum_ms"] = sum.staticMs;
+        times["active_sum_ms"] = sum.activeMs;
+        cascades.push_back(times);
+    }
+    return {{"frame_p50_ms", quantile(summary.frameMs, 0.5)},
+            {"frame_p95_ms", quantile(summary.frameMs, 0.95)},
+            {"frame_max_ms", quantile(summary.frameMs, 1)},
+            {"stream_sum_ms", summary.cpu.streamMs},
+            {"sets_sum_ms", summary.cpu.setsMs},
+            {"occlusion_sum_ms", summary.cpu.occlusionMs},
+            {"plan_sum_ms", summary.cpu.planMs},
+            {"record_sum_ms", summary.cpu.recordMs},
+            {"gpu_wall_sum_ms", summary.gpuWallMs},
+            {"occlusion_saved_ms", occlusionValue(summary).msSaved},
+            {"update", json(summary.update)},
+            {"static_by_cascade", cascades}};
+}
+
+}  // namespace
+
+void Summary::add(const ReplayFrame& frame) {
+    const server::FrameReport& report = frame.report;
+    if (frames == 0) {
+        firstNumber = frame.number;
+        firstTime = report.time;
+        cascades.resize(report.cascades.size());
+    }
+    ++frames;
+    lastTime = report.time;
+    for (size_t c = 0; c < cascades.size(); ++c) addCascade(cascades[c], frame, c);
+    idleFrames += report.gpu.submitted ? 0 : 1;
+    chunkArrivals += report.chunkArrivals;
+    chunkDepartures += report.chunkDepartures;
+    arrivalFrames += report.chunkArrivals > 0 ? 1 : 0;
+    bytesRead += report.bytesRead;
+    bytesUploaded += report.bytesUploaded;
+    rays += report.rays;
+    certificates += report.certificates;
+    revocations += report.revocations;
+    errors += report.errors.size();
+    planHash = world::hashValues(std::span(&report.planHash, 1), planHash);
+    if (!frame.hashes.empty()) lastHashes = frame.hashes;
+    frameMs.push_back(frame.advanceMs);
+    cpu.streamMs += report.cpu.streamMs;
+    cpu.setsMs += report.cpu.setsMs;
+    cpu.occlusionMs += report.cpu.occlusionMs;
+    cpu.planMs += report.cpu.planMs;
+    cpu.recordMs += report.cpu.recordMs;
+    gpuWallMs += report.gpu.wallMs;
+    if (!frame.verify) return;
+    ++verifiedFrames;
+    verifiedTexels += frame.verify->texels;
+    differingTexels += frame.verify->differing;
+    update.cached.push_back(report.gpu.recordMs + report.gpu.wallMs);
+    update.redrawn.push_back(frame.verify->redraw.recordMs + frame.verify->redraw.wallMs);
+}
+
+double quantile(std::vector<double> values, double q) {
+    if (values.empty()) return 0;
+    const double rank = std::ceil(q * static_cast<double>(values.size()));
+    const auto nth = values.begin() + static_cast<ptrdiff_t>(std::max(rank, 1.0)) - 1;
+    std::nth_element(values.begin(), nth, values.end());
+    return *nth;
+}
+
+OcclusionValue occlusionValue(const Summary& summary) {
+    OcclusionValue value;
+    for (const CascadeSummary& sum : summary.cascades) {
+        value.found += sum.clustersFound;
+        value.hidden += sum.clustersHidden;
+        const uint64_t drawn = sum.clustersFound - sum.clustersHidden;
+        if (drawn == 0 || sum.total.triangles == 0) continue;
+        const double share = static_cast<double>(sum.clustersHidden) / static_cast<double>(drawn);
+        value.trianglesSaved += share * static_cast<double>(sum.total.triangles);
+        value.msSaved += share * sum.staticMs;
+    }
+    return value;
+}
+
+std::string toJson(const ReplayHead& head, const Summary& summary) {
+    const OcclusionValue occlusion = occlusionValue(summary);
+    Json cascades = Json::array();
+    for (size_t c = 0; c < summary.cascades.size(); ++c) cascades.push_back(cascadeJson(head, summary, c));
+    const Json document = {
+        {"world", {{"file", head.world}, {"source", head.source}, {"content_hash", head.worldHash}}},
+        {"path", head.path},
+        {"movers", head.movers},
+        {"settings", configJson(head)},
+        {"frames", summary.frames},
+        {"first_frame", summary.firstNumber},
+        {"first_time_s", summary.firstTime},
+        {"last_time_s", summary.lastTime},
+        {"idle_frames", summary.idleFrames},
+        {"chunk_arrivals", summary.chunkArrivals},
+        {"chunk_departures", summary.chunkDepartures},
+        {"bytes_read", summary.bytesRead},
+        {"bytes_uploaded", summary.bytesUploaded},
+        {"errors", summary.errors},
+        {"verified",
+         {{"frames", summary.verifiedFrames},
+          {"texels", summary.verifiedTexels},
+          {"differing_texels", summary.differingTexels}}},
+        {"occlusion",
+         {{"rays", summary.rays},
+          {"certificates", summary.certificates},
+          {"revocations", summary.revocations},
+          {"clusters_found", occlusion.found},
+          {"clusters_hidden", occlusion.hidden},
+          {"triangles_saved_estimate", occlusion.trianglesSaved}}},
+        {"plan_hash", hex(summary.planHash)},
+        {"cascades", cascades},
+        {"times", timesJson(summary)},
+        {"machine", {{"device", head.device}, {"driver", head.driver}, {"threads", head.threads}}}};
+    // Names of files and devices need not be UTF-8; the writer must not throw over them.
+    return document.dump(2, ' ', false, Json::error_handler_t::replace) + '\n';
+}
+
+}  // namespace tools

@@ -1,0 +1,77 @@
+// tools/summary.h — what a whole replay cost, and what redrawing everything would have: sums over its
+// frames, for people (a table) and for programs (summary.json).
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "tools/replay.h"
+
+namespace tools {
+
+/// What was replayed, for the head of a report.
+struct ReplayHead {
+    std::string world, worldHash, source;  ///< file name without folders, content hash, what was baked
+    std::string path, movers;              ///< file names without folders; movers may be empty
+    server::ShadowConfig config;
+    std::vector<double> texels, splits;  ///< per cascade [m]
+    std::string device, driver;
+    int threads = 0;
+};
+
+/// Times of one cascade or of all together, on the frames where both were measured [ms].
+struct TimePair {
+    std::vector<double> cached, redrawn;
+};
+
+struct CascadeSummary {
+    std::array<cache::Cost, cache::kCauses> byCause{};
+    std::array<uint64_t, cache::kCauses> framesByCause{};  ///< frames with any cost of that cause
+    cache::Cost total, active;
+    cache::Cost redraw;   ///< the static part drawn whole in each of the frames
+    uint64_t frames = 0;  ///< in which the static part was touched
+    uint64_t clustersFound = 0, clustersHidden = 0;
+    double staticMs = 0, activeMs = 0;  ///< timestamps, summed
+    TimePair staticTimes;
+};
+
+/// Sums of the frames so far. Values only; every time in it is noisy, everything else deterministic.
+struct Summary {
+    uint64_t frames = 0, firstNumber = 0;
+    double firstTime = 0, lastTime = 0;  ///< [s]
+    std::vector<CascadeSummary> cascades;
+    uint64_t idleFrames = 0;  ///< in which nothing was submitted
+    uint64_t chunkArrivals = 0, chunkDepartures = 0, arrivalFrames = 0;
+    uint64_t bytesRead = 0, bytesUploaded = 0, rays = 0, certificates = 0, revocations = 0, errors = 0;
+    uint64_t verifiedFrames = 0, verifiedTexels = 0, differingTexels = 0;
+    uint64_t planHash = 0;  ///< chained over the frames
+    std::vector<MapHashes> lastHashes;
+    std::vector<double> frameMs;  ///< wall time of each advance
+    server::StageTimes cpu;       ///< summed
+    double gpuWallMs = 0;         ///< summed
+    TimePair update;              ///< record and submit to fence, static and active part, all cascades
+
+    void add(const ReplayFrame& frame);
+};
+
+/// The value that a share `q` in [0, 1] of `values` does not exceed (nearest rank); 0 for none.
+double quantile(std::vector<double> values, double q);
+inline double median(const std::vector<double>& values) { return quantile(values, 0.5); }
+
+/// What certificates were worth, estimated: a hidden cluster counts as many triangles as a drawn one
+/// of its cascade, and each of them the mean time of a drawn one.
+struct OcclusionValue {
+    uint64_t found = 0, hidden = 0;  ///< clusters, over all frames and cascades
+    double trianglesSaved = 0;
+    double msSaved = 0;  ///< noisy
+};
+OcclusionValue occlusionValue(const Summary& summary);
+
+/// summary.json. Everything but the members "times" and "machine" is deterministic.
+std::string toJson(const ReplayHead& head, const Summary& summary);
+
+/// The same for people, many lines.
+std::string toText(const ReplayHead& head, const Summary& summary);
+
+}  // namespace tools

@@ -1,0 +1,102 @@
+// world/store.h — a world file: one SQLite database of rows (x, y, z, lod, kind) to checked blobs.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "world/chunk.h"
+#include "world/result.h"
+
+namespace world {
+
+constexpr uint32_t kWorldVersion = 1;
+
+enum class BlobKind : int32_t {
+    kHeader = 0,       ///< Header; key 0,0,0,0
+    kDirectory = 1,    ///< ChunkRecord of every chunk; key 0,0,0,0
+    kMeshTable = 2,    ///< MeshRecord of every shared mesh; key 0,0,0,0
+    kNames = 3,        ///< NamedInstance, sorted by name; key 0,0,0,0
+    kMesh = 4,         ///< one MeshLevel; x = mesh id, y = z = 0, lod = level
+    kInstances = 5,    ///< a chunk's instances; lod 0
+    kTerrainMesh = 6,  ///< one MeshLevel of a chunk's terrain; lod = level
+    kLevelSet = 7,     ///< a chunk's terrain level set (world/level_set.h); lod 0
+};
+const char* toString(BlobKind kind);
+
+struct BlobKey {
+    int32_t x = 0, y = 0, z = 0, lod = 0;
+    BlobKind kind = BlobKind::kHeader;
+    friend auto operator<=>(const BlobKey&, const BlobKey&) = default;
+};
+std::string toString(const BlobKey& key);
+
+/// Writes a new world beside its final name and renames it when whole: a reader never meets half a
+/// world, and a failed or destroyed writer leaves nothing behind. One thread at a time.
+class WorldWriter {
+public:
+    /// kIo where the folder cannot be written; an older file at `path` stays until `finish`.
+    static Result<WorldWriter> create(const std::string& path);
+    WorldWriter(WorldWriter&&) noexcept;
+    WorldWriter& operator=(WorldWriter&&) noexcept;
+    ~WorldWriter();
+
+    /// Stores `raw` compressed (zstd) with its size and a checksum that covers the key as well.
+    /// Keys may come in any order, each once. kIo when the disk is full: the writer is then dead.
+    Result<Done> put(const BlobKey& key, std::span<const std::byte> raw);
+
+    /// Commits, syncs and renames. The writer is spent.
+    Result<Done> finish();
+
+private:
+    struct Impl;
+    explicit WorldWriter(std::unique_ptr<Impl> impl);
+    std::unique_ptr<Impl> impl_;
+};
+
+/// A row's size, for `gnomon info`.
+struct BlobInfo {
+    BlobKey key;
+    uint64_t rawBytes = 0, storedBytes = 0;
+};
+
+/// An open world, read-only. Reads may come from any number of threads at once.
+/// Every blob's checksum is tested before a byte of it is parsed, and no length in it is trusted.
+class WorldStore {
+public:
+    /// Opens and reads header, directory and mesh table.
+    /// kNotFound; kBadData for a foreign, truncated, corrupt or newer file: the text says which.
+    static Result<WorldStore> open(const std::string& path);
+    WorldStore(WorldStore&&) noexcept;
+    WorldStore& operator=(WorldStore&&) noexcept;
+    ~WorldStore();
+
+    const std::string& path() const;
+    const Header& header() const;
+    std::span<const ChunkRecord> chunks() const;  ///< ascending by key
+    std::span<const MeshRecord> meshes() const;   ///< index = mesh id
+
+    Result<std::vector<NamedInstance>> names() const;
+    Result<Chunk> readChunk(ChunkKey key) const;
+    Result<Mesh> readMesh(uint32_t id) const;
+    Result<std::vector<std::byte>> readBlob(const BlobKey& key) const;
+    Result<std::vector<BlobInfo>> listBlobs() const;
+
+    /// Hash over all keys and raw contents in key order: equal for equal worlds.
+    Result<uint64_t> contentHash() const;
+
+    /// Every checksum, and every invariant of the decoded rows (indices in range, clusters that
+    /// cover their level, bounds that hold, instances that name existing meshes, levels ascending
+    /// in error). Returns all findings, each naming its row; empty when the world is sound.
+    std::vector<Error> check() const;
+
+private:
+    struct Impl;
+    explicit WorldStore(std::unique_ptr<Impl> impl);
+    std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace world
