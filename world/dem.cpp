@@ -21,7 +21,7 @@ namespace world {
 namespace {
 
 constexpr int32_t kDefaultSide = 64, kLeastSide = 8, kMostSide = 256;  // chunk edges [voxels]
-constexpr int64_t kMostCells = 1'000'000'000;  // 4 GB of heights
+constexpr int64_t kMostCells = 1'000'000'000;                          // 4 GB of heights
 constexpr int kRowsAtOnce = 256;
 
 /// Catches what GDAL would print, as one line, while it lives.
@@ -45,7 +45,9 @@ private:
     CPLErrorHandlerPusher pusher_;
 };
 
-Error bad(const std::string& path, const std::string& what) { return {ErrorCode::kBadData, path + ": " + what}; }
+Error bad(const std::string& path, const std::string& what) {
+    return {ErrorCode::kBadData, path + ": " + what};
+}
 
 std::string number(double v) {
     char text[32];
@@ -58,14 +60,17 @@ struct Georeference {
     double left = 0, top = 0, dx = 0, dn = 0;
 };
 
-Result<Georeference> georeference(const std::string& path, GDALDataset& data, std::vector<std::string>& warnings) {
+Result<Georeference> georeference(const std::string& path, GDALDataset& data,
+                                  std::vector<std::string>& warnings) {
     const std::string warp = "gdalwarp -r bilinear -t_srs EPSG:";
     double g[6];
     if (data.GetGeoTransform(g) != CE_None) {
-        return bad(path, "has no place on the map (no geotransform); give it one with gdal_translate -a_srs "
-                         "EPSG:... -a_ullr XMIN YMAX XMAX YMIN IN OUT");
+        return bad(path,
+                   "has no place on the map (no geotransform); give it one with gdal_translate -a_srs "
+                   "EPSG:... -a_ullr XMIN YMAX XMAX YMIN IN OUT");
     }
-    const double centreX = g[0] + g[1] * data.GetRasterXSize() / 2, centreY = g[3] + g[5] * data.GetRasterYSize() / 2;
+    const double centreX = g[0] + g[1] * data.GetRasterXSize() / 2,
+                 centreY = g[3] + g[5] * data.GetRasterYSize() / 2;
     const auto zone = [&] {  // the UTM zone of the middle, which gdalwarp can be told
         const int n = std::clamp(static_cast<int>(std::floor((centreX + 180) / 6)) + 1, 1, 60);
         return std::to_string((centreY < 0 ? 32700 : 32600) + n);
@@ -74,7 +79,8 @@ Result<Georeference> georeference(const std::string& path, GDALDataset& data, st
     if (crs && crs->IsGeographic()) {
         return bad(path, "its coordinates are degrees; project it: " + warp + zone() + " IN OUT");
     }
-    if (crs && crs->IsGeocentric()) return bad(path, "its coordinates are geocentric; project it: " + warp + "... IN OUT");
+    if (crs && crs->IsGeocentric())
+        return bad(path, "its coordinates are geocentric; project it: " + warp + "... IN OUT");
     if (crs) {
         const char* unit = nullptr;
         const double metres = crs->GetLinearUnits(&unit);
@@ -84,12 +90,15 @@ Result<Georeference> georeference(const std::string& path, GDALDataset& data, st
         }
     }
     if (g[2] != 0 || g[4] != 0) {
-        return bad(path, "its grid is turned or sheared against the map; turn it north up: " + warp + "... IN OUT");
+        return bad(path,
+                   "its grid is turned or sheared against the map; turn it north up: " + warp + "... IN OUT");
     }
     for (const double v : g) {
-        if (!std::isfinite(v)) return bad(path, "its geotransform is not finite; set it with gdal_edit.py -a_ullr");
+        if (!std::isfinite(v))
+            return bad(path, "its geotransform is not finite; set it with gdal_edit.py -a_ullr");
     }
-    if (!(g[1] > 0) || g[5] == 0) return bad(path, "its cells have no size; set it with gdal_edit.py -a_ullr");
+    if (!(g[1] > 0) || g[5] == 0)
+        return bad(path, "its cells have no size; set it with gdal_edit.py -a_ullr");
     if (!crs) {
         if (std::abs(centreX) <= 360 && std::abs(centreY) <= 90 && g[1] < 0.05) {
             return bad(path, "has no coordinate system and looks like degrees; project it: " + warp + zone() +
@@ -140,20 +149,23 @@ Result<Window> window(const std::string& path, GDALDataset& data, const Georefer
 }
 
 /// Reads the window's heights, voids as NaN.
-Result<Heights> readHeights(const std::string& path, GDALDataset& data, const Georeference& geo, const Window& w,
-                            const GdalErrors& errors) {
+Result<Heights> readHeights(const std::string& path, GDALDataset& data, const Georeference& geo,
+                            const Window& w, const GdalErrors& errors) {
     GDALRasterBand* band = data.GetRasterBand(1);
     if (!band || GDALDataTypeIsComplex(band->GetRasterDataType())) {
         return bad(path, "its first band holds no heights; select the band with gdal_translate -b");
     }
     const std::string unit = band->GetUnitType();
-    if (unit != "" && unit != "m" && unit != "metre" && unit != "meter" && unit != "metres" && unit != "meters") {
-        return bad(path, "its heights are in " + unit + ", not metres; convert them with gdal_calc.py --calc");
+    if (unit != "" && unit != "m" && unit != "metre" && unit != "meter" && unit != "metres" &&
+        unit != "meters") {
+        return bad(path,
+                   "its heights are in " + unit + ", not metres; convert them with gdal_calc.py --calc");
     }
     int declared = 0;
     const double noData = band->GetNoDataValue(&declared);
     // As the reader rounds it; a value that floats cannot hold (the lowest double) is their own limit.
-    const auto none = declared ? static_cast<float>(std::clamp(noData, -double{FLT_MAX}, double{FLT_MAX})) : -9999.0f;
+    const auto none =
+        declared ? static_cast<float>(std::clamp(noData, -double{FLT_MAX}, double{FLT_MAX})) : -9999.0f;
     const double scale = band->GetScale(), offset = band->GetOffset();
 
     Heights h;
@@ -167,10 +179,11 @@ Result<Heights> readHeights(const std::string& path, GDALDataset& data, const Ge
     for (int32_t row = 0; row < h.rows; row += kRowsAtOnce) {
         const int32_t count = std::min(kRowsAtOnce, h.rows - row);
         float* to = h.values.data() + int64_t{row} * h.columns;
-        if (band->RasterIO(GF_Read, w.x0, w.y0 + row, h.columns, count, to, h.columns, count, GDT_Float32, 0, 0,
-                           nullptr) != CE_None) {
-            return bad(path, "rows " + std::to_string(w.y0 + row) + " to " + std::to_string(w.y0 + row + count - 1) +
-                                 " cannot be read" + errors.why() + "; fetch the file again");
+        if (band->RasterIO(GF_Read, w.x0, w.y0 + row, h.columns, count, to, h.columns, count, GDT_Float32, 0,
+                           0, nullptr) != CE_None) {
+            return bad(path, "rows " + std::to_string(w.y0 + row) + " to " +
+                                 std::to_string(w.y0 + row + count - 1) + " cannot be read" + errors.why() +
+                                 "; fetch the file again");
         }
     }
     for (float& v : h.values) {
@@ -198,7 +211,8 @@ Result<glm::dvec3> sunBeside(const std::string& path) {
         for (int i = 0; i < 3; ++i) sun[i] = list[i].ToDouble(NAN);
     }
     const double length = glm::length(sun);
-    if (!(length > 0) || !std::isfinite(length)) return bad(file, "sun_direction is no direction of three numbers");
+    if (!(length > 0) || !std::isfinite(length))
+        return bad(file, "sun_direction is no direction of three numbers");
     return sun / length;
 }
 
@@ -210,15 +224,18 @@ struct Lattice {
 Result<Lattice> latticeFor(const DemOptions& options, double posting) {
     const auto usage = [](const std::string& what) { return Error{ErrorCode::kUsage, what}; };
     const auto sane = [](double v) { return std::isfinite(v) && v >= 0; };
-    if (!sane(options.chunkSize) || !sane(options.voxel)) return usage("chunk and voxel must be metres above zero");
+    if (!sane(options.chunkSize) || !sane(options.voxel))
+        return usage("chunk and voxel must be metres above zero");
     Lattice lattice{options.chunkSize, options.voxel, 0};
     if (lattice.voxel == 0) {
         lattice.voxel = posting;
-        if (lattice.chunkSize > 0) lattice.voxel = lattice.chunkSize / std::max(1.0, std::round(lattice.chunkSize / posting));
+        if (lattice.chunkSize > 0)
+            lattice.voxel = lattice.chunkSize / std::max(1.0, std::round(lattice.chunkSize / posting));
     }
     if (lattice.chunkSize == 0) lattice.chunkSize = kDefaultSide * lattice.voxel;
     const double voxels = lattice.chunkSize / lattice.voxel;
-    if (!(voxels > kLeastSide - 0.5 && voxels < kMostSide + 0.5) || std::abs(voxels - std::round(voxels)) > 1e-9 * voxels) {
+    if (!(voxels > kLeastSide - 0.5 && voxels < kMostSide + 0.5) ||
+        std::abs(voxels - std::round(voxels)) > 1e-9 * voxels) {
         return usage("a chunk of " + number(lattice.chunkSize) + " m is " + number(voxels) + " voxels of " +
                      number(lattice.voxel) + " m wide; choose 8 to 256 whole voxels");
     }
@@ -248,32 +265,38 @@ Result<BakeSource> openDem(const std::string& path, const DemOptions& options) {
     if (!part) return part.error();
     Result<Heights> read = readHeights(path, *data, geo.value(), part.value(), errors);
     if (!read) return read.error();
-    const Result<glm::dvec3> sun = options.sun ? Result<glm::dvec3>(glm::normalize(*options.sun)) : sunBeside(path);
+    const Result<glm::dvec3> sun =
+        options.sun ? Result<glm::dvec3>(glm::normalize(*options.sun)) : sunBeside(path);
     if (!sun) return sun.error();
 
     const auto heights = std::make_shared<Heights>(std::move(read.value()));
     if (const int64_t mended = mendHeights(*heights); mended > 0) {
-        source.warnings.push_back(path + ": " + std::to_string(mended) + " of " + std::to_string(heights->values.size()) +
-                                  " cells hold heights that no terrain has; each took the median of its neighbours");
+        source.warnings.push_back(
+            path + ": " + std::to_string(mended) + " of " + std::to_string(heights->values.size()) +
+            " cells hold heights that no terrain has; each took the median of its neighbours");
     }
 
     const auto [chunkSize, voxel, side] = lattice.value();
-    const double z1 = heights->z0 + heights->dz * (heights->rows - 1), x1 = heights->x0 + heights->dx * (heights->columns - 1);
+    const double z1 = heights->z0 + heights->dz * (heights->rows - 1),
+                 x1 = heights->x0 + heights->dx * (heights->columns - 1);
     const auto cell = [&](double v) { return std::floor(v / chunkSize); };
     const double firstX = cell(heights->x0), lastX = cell(x1), firstZ = cell(std::min(heights->z0, z1)),
                  lastZ = cell(std::max(heights->z0, z1));
     constexpr double kFarthest = 1 << 30;
     if (std::max({std::abs(firstX), std::abs(lastX), std::abs(firstZ), std::abs(lastZ)}) > kFarthest) {
-        return Error{ErrorCode::kUsage, path + ": chunks of " + number(chunkSize) + " m are too small to count so far out; choose larger ones"};
+        return Error{ErrorCode::kUsage, path + ": chunks of " + number(chunkSize) +
+                                            " m are too small to count so far out; choose larger ones"};
     }
     for (auto x = static_cast<int32_t>(firstX); x <= static_cast<int32_t>(lastX); ++x) {
         for (auto z = static_cast<int32_t>(firstZ); z <= static_cast<int32_t>(lastZ); ++z) {
-            if (anyGround(*heights, x * chunkSize, z * chunkSize, (x + 1.0) * chunkSize, (z + 1.0) * chunkSize)) {
+            if (anyGround(*heights, x * chunkSize, z * chunkSize, (x + 1.0) * chunkSize,
+                          (z + 1.0) * chunkSize)) {
                 source.chunks.push_back({x, 0, z});
             }
         }
     }
-    if (source.chunks.empty()) return bad(path, "no heights there: every cell is no-data; choose other bounds");
+    if (source.chunks.empty())
+        return bad(path, "no heights there: every cell is no-data; choose other bounds");
 
     source.header.chunkSize = chunkSize;
     source.header.voxel = voxel;

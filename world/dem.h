@@ -19,7 +19,7 @@ struct DemOptions {
     /// [m]; 0: the spacing of the raster's posts (the smaller one), or what is nearest to it and
     /// divides `chunkSize`. Other voxels sample between the posts (bilinear).
     double voxel = 0;
-    std::optional<glm::dvec3> sun = {};  ///< direction of light travel; else `sun_direction` of scene.json beside the file
+    std::optional<glm::dvec3> sun = {};  ///< of light travel, not zero; else from scene.json
 };
 
 /// The raster's first band as terrain: X = easting, Y = height, Z = -northing, nothing recentred.
@@ -30,6 +30,8 @@ struct DemOptions {
 /// no-data value -9999 is one. A cell above 12 km or below -12 km, or more than 1 km and a slope of
 /// 10 away from the median of its neighbours, is garbage: it takes that median (a void without
 /// neighbours), and a warning counts such cells.
+///
+/// The sun is `sun_direction` of a scene.json beside the file, else zero.
 ///
 /// The window is read once, here; `make` touches no file. kNotFound; kUsage for bounds off the raster
 /// and for a chunk or voxel that cannot be; kBadData with the remedy for a file that is no raster, is

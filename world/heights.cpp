@@ -37,7 +37,8 @@ double Heights::between(double x, double z) const {
 }
 
 int64_t mendHeights(Heights& heights) {
-    const float jump = std::max(kJump, static_cast<float>(kSlope * std::max(heights.dx, std::abs(heights.dz))));
+    const float jump =
+        std::max(kJump, static_cast<float>(kSlope * std::max(heights.dx, std::abs(heights.dz))));
     struct Mend {
         size_t cell;
         float value;
@@ -97,7 +98,8 @@ TerrainField fieldOf(const Heights& heights) {
         // Twice the band: on slopes up to 60 degrees the clamped ends are farther than the band.
         const double far = 2 * kBandVoxels * rect.voxel;
         block.firstY = static_cast<int64_t>(std::floor((lowest - far) / rect.voxel));
-        block.countY = static_cast<int32_t>(static_cast<int64_t>(std::ceil((highest + far) / rect.voxel)) - block.firstY);
+        block.countY = static_cast<int32_t>(static_cast<int64_t>(std::ceil((highest + far) / rect.voxel)) -
+                                            block.firstY);
         // Too tall for any chunk: the caller refuses it by its height alone.
         if (int64_t{rect.countX} * rect.countZ * block.countY > kMaxBandSamples) return block;
         block.distance.resize(static_cast<size_t>(int64_t{rect.countX} * rect.countZ * block.countY));
@@ -108,9 +110,11 @@ TerrainField fieldOf(const Heights& heights) {
         };
         for (int32_t i = 0; i < rect.countX; ++i) {
             for (int32_t k = 0; k < rect.countZ; ++k) {
-                float* out = &block.distance[static_cast<size_t>((int64_t{i} * rect.countZ + k) * block.countY)];
+                float* out =
+                    &block.distance[static_cast<size_t>((int64_t{i} * rect.countZ + k) * block.countY)];
                 const double y = at(i, k);
-                const double sx = slope(at(i - 1, k), y, at(i + 1, k)), sz = slope(at(i, k - 1), y, at(i, k + 1));
+                const double sx = slope(at(i - 1, k), y, at(i + 1, k)),
+                             sz = slope(at(i, k - 1), y, at(i, k + 1));
                 const double scale = 1 / std::sqrt(1 + sx * sx + sz * sz);
                 for (int32_t j = 0; j < block.countY; ++j) {
                     const double here = (static_cast<double>(block.firstY + j) + 0.5) * rect.voxel;
@@ -128,11 +132,13 @@ bool anyGround(const Heights& heights, double x0, double z0, double x1, double z
         return std::pair(static_cast<int64_t>(std::max(low, 0.0)),
                          static_cast<int64_t>(std::min(high, double(count - 1))));
     };
-    const auto [c0, c1] = range((x0 - heights.x0) / heights.dx, (x1 - heights.x0) / heights.dx, heights.columns);
+    const auto [c0, c1] =
+        range((x0 - heights.x0) / heights.dx, (x1 - heights.x0) / heights.dx, heights.columns);
     const auto [r0, r1] = range((z0 - heights.z0) / heights.dz, (z1 - heights.z0) / heights.dz, heights.rows);
     for (int64_t r = r0; r < r1; ++r) {
         for (int64_t c = c0; c < c1; ++c) {
-            if (!std::isnan(heights.at(c, r) + heights.at(c + 1, r) + heights.at(c, r + 1) + heights.at(c + 1, r + 1))) {
+            if (!std::isnan(heights.at(c, r) + heights.at(c + 1, r) + heights.at(c, r + 1) +
+                            heights.at(c + 1, r + 1))) {
                 return true;
             }
         }

@@ -60,8 +60,8 @@ std::vector<std::byte> encodeLevelSet(const LevelSet& set) {
         origin += kOriginBytes;
         for (int i = 0; i < kLeafSamples; ++i) {
             const auto value = static_cast<uint16_t>(leaf.values[static_cast<size_t>(i)]);
-            const uint16_t rest = zigzag(
-                static_cast<uint16_t>(value - predicted(leaf.values, i >> 6, (i >> 3) & 7, i & 7)));
+            const uint16_t rest =
+                zigzag(static_cast<uint16_t>(value - predicted(leaf.values, i >> 6, (i >> 3) & 7, i & 7)));
             *low++ = static_cast<std::byte>(rest & 0xff);
             *high++ = static_cast<std::byte>(rest >> 8);
         }
@@ -97,8 +97,7 @@ Result<LevelSet> decodeLevelSet(std::span<const std::byte> bytes) {
             return v >= -kBandMargin && v <= samples - kBandMargin - kLeafSide &&
                    (v + kBandMargin) % kLeafSide == 0;
         };
-        if (!inside(o.x) || !inside(o.z) || o.y <= -kMaxHeight || o.y >= kMaxHeight ||
-            o.y % kLeafSide != 0) {
+        if (!inside(o.x) || !inside(o.z) || o.y <= -kMaxHeight || o.y >= kMaxHeight || o.y % kLeafSide != 0) {
             return bad("leaf " + std::to_string(n) + " lies outside its chunk or off the lattice");
         }
         if (n > 0 && order(set.leaves[n - 1].origin) >= order(o)) {
@@ -109,8 +108,8 @@ Result<LevelSet> decodeLevelSet(std::span<const std::byte> bytes) {
         for (int i = 0; i < kLeafSamples; ++i) {
             const auto rest = static_cast<uint16_t>(std::to_integer<unsigned>(*low++) |
                                                     std::to_integer<unsigned>(*high++) << 8);
-            leaf.values[static_cast<size_t>(i)] = static_cast<int16_t>(
-                unzigzag(rest) + predicted(leaf.values, i >> 6, (i >> 3) & 7, i & 7));
+            leaf.values[static_cast<size_t>(i)] =
+                static_cast<int16_t>(unzigzag(rest) + predicted(leaf.values, i >> 6, (i >> 3) & 7, i & 7));
         }
     }
     if (highest > lowest && int64_t{samples} * samples * (highest - lowest) > kMaxBandSamples) {

@@ -30,14 +30,22 @@ inline double corner2(int32_t x, int32_t z, uint32_t seed, double dx, double dz)
     // Eight directions of equal length.
     constexpr double d = 0.70710678118654752;
     switch (hashCell(x, 0, z, seed) >> 29) {
-        case 0: return dx;
-        case 1: return -dx;
-        case 2: return dz;
-        case 3: return -dz;
-        case 4: return (dx + dz) * d;
-        case 5: return (dx - dz) * d;
-        case 6: return (dz - dx) * d;
-        default: return (-dx - dz) * d;
+        case 0:
+            return dx;
+        case 1:
+            return -dx;
+        case 2:
+            return dz;
+        case 3:
+            return -dz;
+        case 4:
+            return (dx + dz) * d;
+        case 5:
+            return (dx - dz) * d;
+        case 6:
+            return (dz - dx) * d;
+        default:
+            return (-dx - dz) * d;
     }
 }
 
@@ -58,7 +66,8 @@ inline double noise2(double x, double z, uint32_t seed) {
     const auto ix = static_cast<int32_t>(fx), iz = static_cast<int32_t>(fz);
     const double dx = x - fx, dz = z - fz, u = fade(dx), v = fade(dz);
     const double low = mix(corner2(ix, iz, seed, dx, dz), corner2(ix + 1, iz, seed, dx - 1, dz), u);
-    const double high = mix(corner2(ix, iz + 1, seed, dx, dz - 1), corner2(ix + 1, iz + 1, seed, dx - 1, dz - 1), u);
+    const double high =
+        mix(corner2(ix, iz + 1, seed, dx, dz - 1), corner2(ix + 1, iz + 1, seed, dx - 1, dz - 1), u);
     return 1.4 * mix(low, high, v);
 }
 

@@ -50,9 +50,9 @@ private:
         const std::vector<MoverTrack> tracks = moversOn(land_);
         for (size_t m = 0; m < tracks.size(); ++m) {
             const MoverSample& s = tracks[m].samples.front();
-            placed_.push_back({{proceduralMoverMesh(m),
-                                {glm::mat3(glm::mat3_cast(s.orientation) * s.scale), s.position}},
-                               tracks[m].name});
+            placed_.push_back(
+                {{proceduralMoverMesh(m), {glm::mat3(glm::mat3_cast(s.orientation) * s.scale), s.position}},
+                 tracks[m].name});
         }
     }
 
@@ -62,10 +62,9 @@ private:
         const glm::dvec2 p = road.position + road.right() * right;
         // -z towards the road's middle: what is along x is then along the road.
         const glm::dvec2 look = along ? road.right() : road.right() * (right > 0 ? -1.0 : 1.0);
-        placed_.push_back({{mesh,
-                            {turned(std::atan2(-look.x, -look.y), 0, 1),
-                             {p.x, land_.groundHeight(p.x, p.y), p.y}}},
-                           ""});
+        placed_.push_back(
+            {{mesh, {turned(std::atan2(-look.x, -look.y), 0, 1), {p.x, land_.groundHeight(p.x, p.y), p.y}}},
+             ""});
         if (mesh == kHouse || mesh == kCottage || mesh == kShed) buildings_.push_back(p);
     }
 
@@ -79,7 +78,8 @@ private:
                     if (pick < 0.1) continue;  // an empty plot
                     beside(pick < 0.55 ? kHouse : kCottage, middle + s, side * (19 + 3 * pick), false);
                     if (pick > 0.4) beside(kShed, middle + s + 9, side * 33, false);
-                    for (const double w : {-8.0, -4.0, 4.0, 8.0}) beside(kWall, middle + s + w, side * 11, true);
+                    for (const double w : {-8.0, -4.0, 4.0, 8.0})
+                        beside(kWall, middle + s + w, side * 11, true);
                 }
             }
         }
@@ -106,7 +106,8 @@ private:
                 (k + 0.15 + 0.7 * hashUnit(i, 1, k, seed_ + kScatter)) * edge - land_.size() / 2 + 4};
     }
     double cellUnit(uint32_t cell, int32_t what) const {
-        return hashUnit(static_cast<int32_t>(cell / cells_), what, static_cast<int32_t>(cell % cells_), seed_ + kScatter);
+        return hashUnit(static_cast<int32_t>(cell / cells_), what, static_cast<int32_t>(cell % cells_),
+                        seed_ + kScatter);
     }
 
     /// What would grow or lie in a cell, and how much it belongs there.
@@ -122,13 +123,17 @@ private:
         }
         const double luck = cellUnit(cell, 2), kind = cellUnit(cell, 3);
         const double steep = land_.slope(p.x, p.y);
-        const double wood = noise2(p.x / 320, p.y / 320, seed_ + kForest) + 0.5 * noise2(p.x / 85, p.y / 85, seed_ + kGrove);
+        const double wood =
+            noise2(p.x / 320, p.y / 320, seed_ + kForest) + 0.5 * noise2(p.x / 85, p.y / 85, seed_ + kGrove);
         if (steep > 0.75) {
             c.mesh = kind < 0.6 ? kBoulder : kRockSlab;
             c.score = 0.8 - luck;
         } else {
             const double needles = 0.5 + 1.2 * noise2(p.x / 500, p.y / 500, seed_ + kGrove + 50);
-            c.mesh = kind < 0.12 ? kBush : kind < 0.14 ? kBoulder : cellUnit(cell, 4) < needles ? kConifer : kBroadleaf;
+            c.mesh = kind < 0.12                   ? kBush
+                     : kind < 0.14                 ? kBoulder
+                     : cellUnit(cell, 4) < needles ? kConifer
+                                                   : kBroadleaf;
             if (wood < 0.05 && kind > 0.5) c.mesh = kBush;
             c.score = wood - 0.6 * luck - 0.5 * std::max(steep - 0.4, 0.0);
         }
@@ -158,8 +163,8 @@ private:
             const bool rock = c.mesh == kBoulder || c.mesh == kRockSlab;
             const double yaw = 2 * std::numbers::pi * cellUnit(c.cell, 5);
             const double tilt = rock ? 0.3 * cellUnit(c.cell, 6) : 0, scale = 0.7 + 0.7 * cellUnit(c.cell, 7);
-            placed_[before + i].instance = {c.mesh,
-                                            {turned(yaw, tilt, scale), {p.x, land_.groundHeight(p.x, p.y), p.y}}};
+            placed_[before + i].instance = {
+                c.mesh, {turned(yaw, tilt, scale), {p.x, land_.groundHeight(p.x, p.y), p.y}}};
         });
     }
 
@@ -180,7 +185,9 @@ struct World {
 }  // namespace
 
 Result<BakeSource> openProcedural(uint64_t seed, const ProceduralOptions& options) {
-    const auto usage = [](const std::string& what) { return Error{ErrorCode::kUsage, "procedural world: " + what}; };
+    const auto usage = [](const std::string& what) {
+        return Error{ErrorCode::kUsage, "procedural world: " + what};
+    };
     const auto positive = [](double v) { return std::isfinite(v) && v > 0; };
     if (!positive(options.voxel) || !positive(options.chunkSize) || !positive(options.size)) {
         return usage("size, chunk and voxel must be positive numbers of metres");
@@ -204,7 +211,9 @@ Result<BakeSource> openProcedural(uint64_t seed, const ProceduralOptions& option
     }
     for (Placed& p : Settler(world->land, seed, options.instances).settle()) {
         const glm::dvec3 t = p.instance.placement.translation;
-        world->chunks[{static_cast<int32_t>(std::floor(t.x / edge)), 0, static_cast<int32_t>(std::floor(t.z / edge))}]
+        world
+            ->chunks[{static_cast<int32_t>(std::floor(t.x / edge)), 0,
+                      static_cast<int32_t>(std::floor(t.z / edge))}]
             .push_back(std::move(p));
     }
     source.header.chunkSize = edge;
@@ -213,7 +222,8 @@ Result<BakeSource> openProcedural(uint64_t seed, const ProceduralOptions& option
     // Azimuth 120 degrees from north (-z) over east (+x), elevation 35: cos 35 * (sin 120, cos 120).
     source.header.sun = glm::normalize(options.sun.value_or(glm::dvec3(-0.709406, -0.573576, -0.409576)));
     source.meshes = proceduralMeshes();
-    source.make = [world, side = static_cast<int32_t>(voxels), voxel = options.voxel](ChunkKey key) -> Result<SourceChunk> {
+    source.make = [world, side = static_cast<int32_t>(voxels),
+                   voxel = options.voxel](ChunkKey key) -> Result<SourceChunk> {
         SourceChunk chunk;
         if (const auto found = world->chunks.find(key); found != world->chunks.end()) {
             for (const Placed& p : found->second) {

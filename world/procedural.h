@@ -10,11 +10,12 @@
 namespace world {
 
 struct ProceduralOptions {
-    double size = 4096;         ///< edge of the square world around the origin [m]; rounded up to whole chunks
-    double chunkSize = 128;     ///< [m], a whole number of voxels
-    double voxel = 2;           ///< [m]
-    uint32_t instances = 50000; ///< placed meshes: as many, or as the villages alone have if that is more
-    std::optional<glm::dvec3> sun = {};  ///< direction of light travel; by default from azimuth 120, elevation 35 degrees
+    double size = 4096;      ///< edge of the square world around the origin [m]; rounded up to whole chunks
+    double chunkSize = 128;  ///< [m], a whole number of voxels
+    double voxel = 2;        ///< [m]
+    uint32_t instances = 50000;  ///< placed meshes: as many, or as the villages alone have if that is more
+    std::optional<glm::dvec3> sun =
+        {};  ///< of light travel, not zero; by default from azimuth 120, elevation 35 degrees
 };
 
 /// The world of a seed, ready to bake. Instances named `mover/0`, `mover/1`, ... are those that

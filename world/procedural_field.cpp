@@ -13,21 +13,30 @@ namespace {
 constexpr double kTurn = 2 * std::numbers::pi;
 
 // Seeds of the independent noises.
-enum : uint32_t { kHills = 1, kRough = 11, kRegion = 21, kEdge = 22, kWarpX = 23, kWarpZ = 24, kWall = 25,
-                  kDig = 31, kVillage = 41 };
+enum : uint32_t {
+    kHills = 1,
+    kRough = 11,
+    kRegion = 21,
+    kEdge = 22,
+    kWarpX = 23,
+    kWarpZ = 24,
+    kWall = 25,
+    kDig = 31,
+    kVillage = 41
+};
 
-constexpr double kPlateau = 38;     // highest plateau [m]
-constexpr double kCliff = 0.016;    // half width of a cliff in units of the edge noise: some 8 m of ground
-constexpr double kEdgeSize = 300;   // feature size of the edge noise [m]
-constexpr double kWarp = 7;         // how far overhangs reach [m]
-constexpr double kWarpSize = 24;    // [m]
+constexpr double kPlateau = 38;    // highest plateau [m]
+constexpr double kCliff = 0.016;   // half width of a cliff in units of the edge noise: some 8 m of ground
+constexpr double kEdgeSize = 300;  // feature size of the edge noise [m]
+constexpr double kWarp = 7;        // how far overhangs reach [m]
+constexpr double kWarpSize = 24;   // [m]
 // Beyond this the warp cannot bring the edge near: 1.4 * 1.9 is the noise's steepest slope.
 constexpr double kEdgeReach = kCliff + 1.5 * kWarp * 2.7 / kEdgeSize;
 constexpr double kWallNoise = 0.5;  // roughness of tunnel walls [m]
 
-constexpr double kRoadFlat = 8;     // half width of the road's level ground [m]
-constexpr double kVillageFlat = 45; // the same in a village [m]
-constexpr double kRoadBlend = 42;   // from there to natural ground [m]
+constexpr double kRoadFlat = 8;        // half width of the road's level ground [m]
+constexpr double kVillageFlat = 45;    // the same in a village [m]
+constexpr double kRoadBlend = 42;      // from there to natural ground [m]
 constexpr double kVillageReach = 130;  // [m] along the road from a village's middle
 constexpr int kRoadSteps = 4096;
 
@@ -55,13 +64,15 @@ Landscape::Landscape(uint64_t seed, double size)
 // ---- road: a closed curve, radius as a function of the angle around the origin ----
 
 double Landscape::roadRadius(double angle) const {
-    return 0.29 * size_ * (1 + 0.10 * std::sin(2 * angle + roadPhase_[0]) + 0.05 * std::sin(3 * angle + roadPhase_[1]) +
-                           0.02 * std::sin(5 * angle + roadPhase_[2]));
+    return 0.29 * size_ *
+           (1 + 0.10 * std::sin(2 * angle + roadPhase_[0]) + 0.05 * std::sin(3 * angle + roadPhase_[1]) +
+            0.02 * std::sin(5 * angle + roadPhase_[2]));
 }
 
 double Landscape::roadSlope(double angle) const {
-    return 0.29 * size_ * (0.20 * std::cos(2 * angle + roadPhase_[0]) + 0.15 * std::cos(3 * angle + roadPhase_[1]) +
-                           0.10 * std::cos(5 * angle + roadPhase_[2]));
+    return 0.29 * size_ *
+           (0.20 * std::cos(2 * angle + roadPhase_[0]) + 0.15 * std::cos(3 * angle + roadPhase_[1]) +
+            0.10 * std::cos(5 * angle + roadPhase_[2]));
 }
 
 RoadPoint Landscape::road(double distance) const {
@@ -69,10 +80,12 @@ RoadPoint Landscape::road(double distance) const {
     const double wrapped = distance - std::floor(distance / length) * length;
     const auto after = std::upper_bound(roadTable_.begin() + 1, roadTable_.end() - 1, wrapped);
     const double lower = *(after - 1), upper = *after;
-    const double step = static_cast<double>(after - 1 - roadTable_.begin()) + (wrapped - lower) / (upper - lower);
+    const double step =
+        static_cast<double>(after - 1 - roadTable_.begin()) + (wrapped - lower) / (upper - lower);
     const double angle = kTurn * step / kRoadSteps;
     const double c = std::cos(angle), s = std::sin(angle), r = roadRadius(angle), dr = roadSlope(angle);
-    return {.position = {r * c, r * s}, .forward = glm::normalize(glm::dvec2(dr * c - r * s, dr * s + r * c))};
+    return {.position = {r * c, r * s},
+            .forward = glm::normalize(glm::dvec2(dr * c - r * s, dr * s + r * c))};
 }
 
 Landscape::RoadNear Landscape::roadNear(double x, double z) const {
@@ -102,12 +115,14 @@ double Landscape::villageWeight(double angle) const {
 // ---- ground ----
 
 double Landscape::hills(double x, double z, bool smooth) const {
-    double h = 60 * noise2(x / 1100, z / 1100, seed_ + kHills) + 30 * noise2(x / 430, z / 430, seed_ + kHills + 1);
+    double h =
+        60 * noise2(x / 1100, z / 1100, seed_ + kHills) + 30 * noise2(x / 430, z / 430, seed_ + kHills + 1);
     if (smooth) return h;
     // Plains between rough country.
     const double rough = 0.15 + 0.85 * smoothStep(-0.25, 0.3, noise2(x / 700, z / 700, seed_ + kRough));
     return h + rough * (16 * noise2(x / 170, z / 170, seed_ + kHills + 2) +
-                        4 * noise2(x / 58, z / 58, seed_ + kHills + 3) + noise2(x / 21, z / 21, seed_ + kHills + 4));
+                        4 * noise2(x / 58, z / 58, seed_ + kHills + 3) +
+                        noise2(x / 21, z / 21, seed_ + kHills + 4));
 }
 
 Landscape::Column Landscape::column(double x, double z) const {
@@ -157,7 +172,8 @@ double Landscape::hollow(const Tunnel& tunnel, glm::dvec3 p) const {
     for (size_t i = 0; i + 1 < tunnel.axis.size(); ++i) {
         const glm::dvec3 a = tunnel.axis[i], ab = tunnel.axis[i + 1] - a;
         const double t = glm::clamp(glm::dot(p - a, ab) / glm::dot(ab, ab), 0.0, 1.0);
-        best = std::min(best, glm::distance(p, a + ab * t) - glm::mix(tunnel.radius[i], tunnel.radius[i + 1], t));
+        best = std::min(best,
+                        glm::distance(p, a + ab * t) - glm::mix(tunnel.radius[i], tunnel.radius[i + 1], t));
     }
     return best + kWallNoise * noise3(p / 5.0, seed_ + kWall);
 }
@@ -172,7 +188,8 @@ void Landscape::digTunnels() {
         const glm::dvec2 mouth(reach * (2 * unit(0) - 1), reach * (2 * unit(1) - 1));
         const double heading = kTurn * unit(2), radius = 3.2 + 1.3 * unit(3), length = 60 + 80 * unit(4);
         const glm::dvec2 dir(std::cos(heading), std::sin(heading));
-        if (flatHeight(mouth.x + 25 * dir.x, mouth.y + 25 * dir.y) < flatHeight(mouth.x, mouth.y) + 12) continue;
+        if (flatHeight(mouth.x + 25 * dir.x, mouth.y + 25 * dir.y) < flatHeight(mouth.x, mouth.y) + 12)
+            continue;
 
         // From ten metres before the mouth into the hill, winding and rising a little.
         Tunnel tunnel;
@@ -216,7 +233,8 @@ double Landscape::groundHeight(double x, double z) const {
     const Column c = column(x, z);
     std::vector<const Tunnel*> near;
     for (const Tunnel& t : tunnels_) {
-        if (x >= t.bounds.min.x && x <= t.bounds.max.x && z >= t.bounds.min.z && z <= t.bounds.max.z) near.push_back(&t);
+        if (x >= t.bounds.min.x && x <= t.bounds.max.x && z >= t.bounds.min.z && z <= t.bounds.max.z)
+            near.push_back(&t);
     }
     const bool cliff = c.plateau > 0 && std::abs(c.edge) < kEdgeReach;
     if (near.empty() && !cliff) return c.base + plateauHeight(c, {x, 0, z});
@@ -243,7 +261,9 @@ FieldBlock Landscape::sample(const LatticeRect& rect) const {
     const int32_t nx = rect.countX + 2, nz = rect.countZ + 2;
     std::vector<Column> columns(static_cast<size_t>(nx) * static_cast<size_t>(nz));
     std::vector<double> heights(columns.size());
-    const auto at = [&](int32_t i, int32_t k) { return static_cast<size_t>(i + 1) * static_cast<size_t>(nz) + static_cast<size_t>(k + 1); };
+    const auto at = [&](int32_t i, int32_t k) {
+        return static_cast<size_t>(i + 1) * static_cast<size_t>(nz) + static_cast<size_t>(k + 1);
+    };
     double lowest = 1e9, highest = -1e9;
     for (int32_t i = -1; i <= rect.countX; ++i) {
         for (int32_t k = -1; k <= rect.countZ; ++k) {
@@ -265,7 +285,8 @@ FieldBlock Landscape::sample(const LatticeRect& rect) const {
     FieldBlock block;
     // Twice the band: on slopes up to 60 degrees the clamped ends are farther than the band.
     block.firstY = static_cast<int64_t>(std::floor((lowest - 2 * far) / voxel));
-    block.countY = static_cast<int32_t>(static_cast<int64_t>(std::ceil((highest + 2 * far) / voxel)) - block.firstY);
+    block.countY =
+        static_cast<int32_t>(static_cast<int64_t>(std::ceil((highest + 2 * far) / voxel)) - block.firstY);
     block.distance.resize(static_cast<size_t>(int64_t{rect.countX} * rect.countZ * block.countY));
     const auto yAt = [&](int32_t j) { return (static_cast<double>(block.firstY + j) + 0.5) * voxel; };
     for (int32_t i = 0; i < rect.countX; ++i) {
@@ -296,10 +317,12 @@ FieldBlock Landscape::sample(const LatticeRect& rect) const {
             }
             for (const Tunnel* t : near) {
                 const Box& b = t->bounds;
-                if (x < b.min.x - far || x > b.max.x + far || z < b.min.z - far || z > b.max.z + far) continue;
+                if (x < b.min.x - far || x > b.max.x + far || z < b.min.z - far || z > b.max.z + far)
+                    continue;
                 const auto first = static_cast<int64_t>(std::floor((b.min.y - far) / voxel)) - block.firstY;
                 const auto last = static_cast<int64_t>(std::ceil((b.max.y + far) / voxel)) - block.firstY;
-                for (int64_t j = std::max<int64_t>(first, 0); j <= std::min<int64_t>(last, block.countY - 1); ++j) {
+                for (int64_t j = std::max<int64_t>(first, 0); j <= std::min<int64_t>(last, block.countY - 1);
+                     ++j) {
                     const double d = hollow(*t, {x, yAt(static_cast<int32_t>(j)), z});
                     out[j] = std::max(out[j], static_cast<float>(-d));
                 }

@@ -54,9 +54,9 @@ public:
 private:
     /// All that depends on x and z alone.
     struct Column {
-        double base = 0;    // ground without plateaus [m]
-        double plateau = 0; // height of the plateau that may stand on it [m]
-        double edge = 0;    // plateau noise: the cliff is where it is zero
+        double base = 0;     // ground without plateaus [m]
+        double plateau = 0;  // height of the plateau that may stand on it [m]
+        double edge = 0;     // plateau noise: the cliff is where it is zero
     };
     struct RoadNear {
         double distance, angle;

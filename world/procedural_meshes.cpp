@@ -54,18 +54,28 @@ public:
         level_.positions.push_back(at + vec3(0, rings.back().y, 0));
         sides(v, m, full);
         cap(v, m, false);
-        for (uint32_t i = 0; i < m; ++i) triangle(v + (full - 1) * m + i, tip, v + (full - 1) * m + (i + 1) % m);
+        for (uint32_t i = 0; i < m; ++i)
+            triangle(v + (full - 1) * m + i, tip, v + (full - 1) * m + (i + 1) % m);
     }
 
     /// A roof: ridge along x, over the rectangle given by two corners at the eaves.
     void roof(vec3 low, vec3 high) {
         const uint32_t v = count();
         const float z = (low.z + high.z) / 2;
-        level_.positions.insert(level_.positions.end(),
-                                {{low.x, low.y, low.z}, {high.x, low.y, low.z}, {high.x, low.y, high.z},
-                                 {low.x, low.y, high.z}, {low.x, high.y, z}, {high.x, high.y, z}});
-        for (const auto& [a, b, c] : {std::array{0u, 1u, 2u}, {0u, 2u, 3u}, {0u, 4u, 5u}, {0u, 5u, 1u},
-                                      {2u, 5u, 4u}, {2u, 4u, 3u}, {0u, 3u, 4u}, {1u, 5u, 2u}}) {
+        level_.positions.insert(level_.positions.end(), {{low.x, low.y, low.z},
+                                                         {high.x, low.y, low.z},
+                                                         {high.x, low.y, high.z},
+                                                         {low.x, low.y, high.z},
+                                                         {low.x, high.y, z},
+                                                         {high.x, high.y, z}});
+        for (const auto& [a, b, c] : {std::array{0u, 1u, 2u},
+                                      {0u, 2u, 3u},
+                                      {0u, 4u, 5u},
+                                      {0u, 5u, 1u},
+                                      {2u, 5u, 4u},
+                                      {2u, 4u, 3u},
+                                      {0u, 3u, 4u},
+                                      {1u, 5u, 2u}}) {
             triangle(v + a, v + b, v + c);
         }
     }
@@ -74,16 +84,17 @@ public:
     /// given share of the radius.
     void ball(vec3 at, vec3 radii, int splits, float dents, uint32_t seed) {
         const float g = std::numbers::phi_v<float>;
-        std::vector<vec3> p{{-1, g, 0}, {1, g, 0}, {-1, -g, 0}, {1, -g, 0}, {0, -1, g}, {0, 1, g},
-                            {0, -1, -g}, {0, 1, -g}, {g, 0, -1}, {g, 0, 1}, {-g, 0, -1}, {-g, 0, 1}};
+        std::vector<vec3> p{{-1, g, 0},  {1, g, 0},  {-1, -g, 0}, {1, -g, 0}, {0, -1, g},  {0, 1, g},
+                            {0, -1, -g}, {0, 1, -g}, {g, 0, -1},  {g, 0, 1},  {-g, 0, -1}, {-g, 0, 1}};
         std::vector<std::array<uint32_t, 3>> faces{
-            {0, 11, 5}, {0, 5, 1}, {0, 1, 7}, {0, 7, 10}, {0, 10, 11}, {1, 5, 9}, {5, 11, 4}, {11, 10, 2},
-            {10, 7, 6}, {7, 1, 8}, {3, 9, 4}, {3, 4, 2}, {3, 2, 6}, {3, 6, 8}, {3, 8, 9}, {4, 9, 5},
-            {2, 4, 11}, {6, 2, 10}, {8, 6, 7}, {9, 8, 1}};
+            {0, 11, 5},  {0, 5, 1},  {0, 1, 7},  {0, 7, 10}, {0, 10, 11}, {1, 5, 9}, {5, 11, 4},
+            {11, 10, 2}, {10, 7, 6}, {7, 1, 8},  {3, 9, 4},  {3, 4, 2},   {3, 2, 6}, {3, 6, 8},
+            {3, 8, 9},   {4, 9, 5},  {2, 4, 11}, {6, 2, 10}, {8, 6, 7},   {9, 8, 1}};
         for (int s = 0; s < splits; ++s) {
             std::map<std::pair<uint32_t, uint32_t>, uint32_t> middles;
             const auto middle = [&](uint32_t a, uint32_t b) {
-                const auto [it, fresh] = middles.try_emplace(std::pair(std::min(a, b), std::max(a, b)), static_cast<uint32_t>(p.size()));
+                const auto [it, fresh] = middles.try_emplace(std::pair(std::min(a, b), std::max(a, b)),
+                                                             static_cast<uint32_t>(p.size()));
                 if (fresh) p.push_back((glm::normalize(p[a]) + glm::normalize(p[b])) * 0.5f);
                 return it->second;
             };
@@ -268,8 +279,8 @@ Mesh truck() {
 std::vector<Mesh> proceduralMeshes() {
     std::vector<Mesh> meshes;
     meshes.reserve(kProceduralMeshCount);
-    for (const auto make : {conifer, broadleaf, bush, boulder, rockSlab, house, cottage, shed, pole, wall, fence,
-                            car, van, truck}) {
+    for (const auto make : {conifer, broadleaf, bush, boulder, rockSlab, house, cottage, shed, pole, wall,
+                            fence, car, van, truck}) {
         meshes.push_back(make());
     }
     return meshes;

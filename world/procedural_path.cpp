@@ -11,12 +11,12 @@
 namespace world {
 namespace {
 
-constexpr int kRate = 30;          // samples a second
+constexpr int kRate = 30;  // samples a second
 constexpr int kSeconds = 66;
-constexpr double kEye = 1.7;       // [m] over the ground
+constexpr double kEye = 1.7;                // [m] over the ground
 constexpr double kWalk = 1.5, kDrive = 15;  // [m/s]
-constexpr double kSidewalk = 5.5;  // [m] to the right of the road's middle
-constexpr double kTurnRate = 210;  // [degrees/s]
+constexpr double kSidewalk = 5.5;           // [m] to the right of the road's middle
+constexpr double kTurnRate = 210;           // [degrees/s]
 constexpr size_t kMovers = 24;
 
 glm::dvec3 onGround(const Landscape& land, const RoadPoint& road, double right) {
@@ -74,9 +74,7 @@ std::vector<Pose> proceduralPath(uint64_t seed, const ProceduralOptions& options
     return path;
 }
 
-uint32_t proceduralMoverMesh(size_t mover) {
-    return mover % 5 == 4 ? kTruck : mover % 4 == 1 ? kVan : kCar;
-}
+uint32_t proceduralMoverMesh(size_t mover) { return mover % 5 == 4 ? kTruck : mover % 4 == 1 ? kVan : kCar; }
 
 std::vector<MoverTrack> moversOn(const Landscape& land) {
     const auto [first, second] = villagesOf(land);
@@ -103,8 +101,8 @@ std::vector<MoverTrack> moversOn(const Landscape& land) {
             const glm::dvec3 side = glm::normalize(glm::cross(glm::dvec3(0, 1, 0), back));
             track.samples.push_back({.time = t,
                                      .position = here,
-                                     .orientation = glm::normalize(glm::quat_cast(
-                                         glm::dmat3(side, glm::cross(back, side), back))),
+                                     .orientation = glm::normalize(
+                                         glm::quat_cast(glm::dmat3(side, glm::cross(back, side), back))),
                                      .scale = 1});
         }
         tracks.push_back(std::move(track));

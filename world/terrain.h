@@ -1,4 +1,4 @@
-// world/terrain.h — meshes of a chunk's level set, level by level, that fit their neighbours' without cracks.
+// world/terrain.h — a chunk's level set as meshes, level by level, that fit their neighbours' without cracks.
 // Source: Museth, "VDB: High-Resolution Sparse Volumes with Dynamic Topology", 2013 (volumeToMesh: dual
 // contouring that merges flat cells); Ulrich, "Rendering Massive Terrains using Chunked Level of Detail
 // Control", 2002 (skirts).

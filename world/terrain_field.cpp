@@ -15,7 +15,7 @@ int16_t quantised(float distance, float unitsPerMetre) {
 
 /// The block's samples, quantised, in a box of whole leaves.
 struct Samples {
-    int64_t firstY = 0;  ///< a multiple of kLeafSide
+    int64_t firstY = 0;            ///< a multiple of kLeafSide
     int32_t side = 0, height = 0;  ///< along x and z, along y
     std::vector<int16_t> values;   ///< columns, as in FieldBlock
 

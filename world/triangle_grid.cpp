@@ -50,8 +50,8 @@ TriangleGrid::TriangleGrid(std::span<const glm::vec3> positions, std::span<const
                     visit(static_cast<size_t>((x * cells_.y + y) * cells_.z + z));
     };
     const auto count = static_cast<uint32_t>(indices.size() / 3);
-    first_.assign(static_cast<size_t>(cells_.x) * static_cast<size_t>(cells_.y) *
-                          static_cast<size_t>(cells_.z) + 1, 0);
+    first_.assign(
+        static_cast<size_t>(cells_.x) * static_cast<size_t>(cells_.y) * static_cast<size_t>(cells_.z) + 1, 0);
     for (uint32_t t = 0; t < count; ++t) forCells(t, [&](size_t cell) { ++first_[cell + 1]; });
     for (size_t i = 1; i < first_.size(); ++i) first_[i] += first_[i - 1];
     triangles_.resize(first_.back());
@@ -69,7 +69,8 @@ bool TriangleGrid::within(glm::vec3 p, float& distance) const {
         const size_t cell = static_cast<size_t>((at.x * cells_.y + at.y) * cells_.z + at.z);
         for (uint32_t i = first_[cell]; i < first_[cell + 1]; ++i) {
             const uint32_t* v = &indices_[3 * triangles_[i]];
-            const glm::vec3 to = nearestOnTriangle(p, positions_[v[0]], positions_[v[1]], positions_[v[2]]) - p;
+            const glm::vec3 to =
+                nearestOnTriangle(p, positions_[v[0]], positions_[v[1]], positions_[v[2]]) - p;
             best = std::min(best, glm::dot(to, to));  // keeps best where the other is not a number
             if (best <= enough) return true;
         }

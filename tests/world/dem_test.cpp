@@ -23,9 +23,9 @@ const fs::path kBenalla = fs::path(GNOMON_SOURCE_DIR) / "../shared/data/benalla/
 class Dem : public testing::Test {
 protected:
     void SetUp() override {
-        folder_ = fs::temp_directory_path() /
-                  ("gnomon_dem_" + std::to_string(reinterpret_cast<uintptr_t>(this)) + "_" +
-                   testing::UnitTest::GetInstance()->current_test_info()->name());
+        folder_ =
+            fs::temp_directory_path() / ("gnomon_dem_" + std::to_string(reinterpret_cast<uintptr_t>(this)) +
+                                         "_" + testing::UnitTest::GetInstance()->current_test_info()->name());
         fs::create_directories(folder_);
     }
     void TearDown() override { fs::remove_all(folder_); }
@@ -38,18 +38,20 @@ protected:
     /// An ESRI ASCII grid of 10 m cells with its lower left corner at (500000, 6000000), UTM 55 south.
     template <class F>
     std::string grid(int columns, int rows, F height) const {
-        write("dem.prj",
-              "PROJCS[\"WGS 84 / UTM zone 55S\",GEOGCS[\"WGS 84\",DATUM[\"WGS_1984\",SPHEROID[\"WGS "
-              "84\",6378137,298.257223563]],PRIMEM[\"Greenwich\",0],UNIT[\"degree\",0.0174532925199433]],"
-              "PROJECTION[\"Transverse_Mercator\"],PARAMETER[\"latitude_of_origin\",0],"
-              "PARAMETER[\"central_meridian\",147],PARAMETER[\"scale_factor\",0.9996],"
-              "PARAMETER[\"false_easting\",500000],PARAMETER[\"false_northing\",10000000],UNIT[\"metre\",1]]");
+        write(
+            "dem.prj",
+            "PROJCS[\"WGS 84 / UTM zone 55S\",GEOGCS[\"WGS 84\",DATUM[\"WGS_1984\",SPHEROID[\"WGS "
+            "84\",6378137,298.257223563]],PRIMEM[\"Greenwich\",0],UNIT[\"degree\",0.0174532925199433]],"
+            "PROJECTION[\"Transverse_Mercator\"],PARAMETER[\"latitude_of_origin\",0],"
+            "PARAMETER[\"central_meridian\",147],PARAMETER[\"scale_factor\",0.9996],"
+            "PARAMETER[\"false_easting\",500000],PARAMETER[\"false_northing\",10000000],UNIT[\"metre\",1]]");
         std::ostringstream text;
         text << "ncols " << columns << "\nnrows " << rows
              << "\nxllcorner 500000\nyllcorner 6000000\ncellsize 10\nNODATA_value -32768\n";
         for (int r = 0; r < rows; ++r) {
             for (int c = 0; c < columns; ++c) {
-                text << height(500000 + (c + 0.5) * 10, 6000000 + (rows - r - 0.5) * 10) << (c + 1 < columns ? " " : "\n");
+                text << height(500000 + (c + 0.5) * 10, 6000000 + (rows - r - 0.5) * 10)
+                     << (c + 1 < columns ? " " : "\n");
             }
         }
         return write("dem.asc", text.str());
@@ -66,7 +68,8 @@ void forVertices(const BakeSource& source, F visit) {
         ASSERT_TRUE(chunk);
         if (!chunk.value().terrain) continue;
         const glm::dvec3 origin = glm::dvec3(key.x, 0, key.z) * source.header.chunkSize;
-        for (const glm::vec3& p : chunk.value().terrain->mesh.levels[0].positions) visit(origin + glm::dvec3(p));
+        for (const glm::vec3& p : chunk.value().terrain->mesh.levels[0].positions)
+            visit(origin + glm::dvec3(p));
     }
 }
 
@@ -104,7 +107,8 @@ TEST_F(Dem, APlaneIsMetExactlyInFullCoordinates) {
 
 TEST_F(Dem, BoundsCutAndMissTheRaster) {
     const std::string path = grid(100, 80, [](double, double) { return 50; });
-    Result<BakeSource> part = openDem(path, {.bounds = {{500400, 6000300, 500700, 6009999}}, .chunkSize = 80});
+    Result<BakeSource> part =
+        openDem(path, {.bounds = {{500400, 6000300, 500700, 6009999}}, .chunkSize = 80});
     ASSERT_TRUE(part) << part.error().what;
     Box reach;
     forVertices(part.value(), [&](glm::dvec3 p) { reach.add(p); });
@@ -141,7 +145,9 @@ TEST_F(Dem, SamplesBetweenThePosts) {
 }
 
 TEST_F(Dem, VoidsHaveNoTerrain) {
-    const auto hole = [](double e, double n) { return std::hypot(e - 500320, n - 6000320) < 100 ? -32768 : 80; };
+    const auto hole = [](double e, double n) {
+        return std::hypot(e - 500320, n - 6000320) < 100 ? -32768 : 80;
+    };
     Result<BakeSource> source = openDem(grid(64, 64, hole), {});
     ASSERT_TRUE(source);
     EXPECT_TRUE(source.value().warnings.empty());
@@ -164,7 +170,8 @@ TEST_F(Dem, GarbageIsMendedAndCounted) {
     Result<BakeSource> source = openDem(grid(64, 64, spiked), {});
     ASSERT_TRUE(source);
     ASSERT_EQ(source.value().warnings.size(), 1u);
-    EXPECT_NE(source.value().warnings[0].find("3 of 4096 cells"), std::string::npos) << source.value().warnings[0];
+    EXPECT_NE(source.value().warnings[0].find("3 of 4096 cells"), std::string::npos)
+        << source.value().warnings[0];
     forVertices(source.value(), [&](glm::dvec3 p) {
         ASSERT_LT(p.y, 101);
         ASSERT_GT(p.y, 100 - 120);  // skirts
@@ -190,7 +197,8 @@ TEST(Heights, MendingLeavesRealCliffsAlone) {
 }
 
 TEST(Heights, BilinearBetweenPostsAndVoidBesideVoids) {
-    Heights h{.x0 = 1e6, .z0 = -6e6, .dx = 2, .dz = -3, .columns = 3, .rows = 2, .values = {0, 2, 4, 6, 8, NAN}};
+    Heights h{
+        .x0 = 1e6, .z0 = -6e6, .dx = 2, .dz = -3, .columns = 3, .rows = 2, .values = {0, 2, 4, 6, 8, NAN}};
     EXPECT_EQ(h.between(1e6, -6e6), 0);
     EXPECT_EQ(h.between(1e6 + 4, -6e6), 4) << "on a post, the void beside it does not matter";
     EXPECT_DOUBLE_EQ(h.between(1e6 + 1, -6e6 - 1.5), 4);
@@ -203,7 +211,8 @@ TEST(Heights, BilinearBetweenPostsAndVoidBesideVoids) {
 
 std::string vrt(const std::string& georeference) {
     return "<VRTDataset rasterXSize=\"64\" rasterYSize=\"64\">" + georeference +
-           "<VRTRasterBand dataType=\"Float32\" band=\"1\"><SimpleSource><SourceFilename relativeToVRT=\"1\">dem.asc"
+           "<VRTRasterBand dataType=\"Float32\" band=\"1\"><SimpleSource><SourceFilename "
+           "relativeToVRT=\"1\">dem.asc"
            "</SourceFilename><SourceBand>1</SourceBand></SimpleSource></VRTRasterBand></VRTDataset>";
 }
 
@@ -268,7 +277,8 @@ TEST_F(Dem, SunComesFromTheSceneBesideTheFile) {
     write("scene.json", "{\"sun_direction\": [0, -2, 0]}");
     EXPECT_EQ(openDem(path, {}).value().header.sun, glm::dvec3(0, -1, 0));
     EXPECT_EQ(openDem(path, {.sun = glm::dvec3(1, 0, 0)}).value().header.sun, glm::dvec3(1, 0, 0));
-    for (const char* broken : {"{\"sun_direction\": [0, 0, 0]}", "{\"sun_direction\": \"up\"}", "{\"sun_direction"}) {
+    for (const char* broken :
+         {"{\"sun_direction\": [0, 0, 0]}", "{\"sun_direction\": \"up\"}", "{\"sun_direction"}) {
         write("scene.json", broken);
         EXPECT_FALSE(openDem(path, {})) << broken;
     }
@@ -296,7 +306,8 @@ TEST(DemBenalla, IsBakedWhereItLies) {
             lowest = std::min(lowest, double(p.y));
             highest = std::max(highest, double(p.y));
         }
-        for (size_t i = 1; i < mesh.levels.size(); ++i) EXPECT_GT(mesh.levels[i].error, mesh.levels[i - 1].error);
+        for (size_t i = 1; i < mesh.levels.size(); ++i)
+            EXPECT_GT(mesh.levels[i].error, mesh.levels[i - 1].error);
     }
     EXPECT_GT(triangles, 30000u);
     EXPECT_GT(lowest, 58 - 560) << "the lowest post less the deepest skirt";

@@ -30,9 +30,9 @@ LevelSet randomSet(std::mt19937& rng, int leaves) {
     }
     const auto key = [](const LevelSetLeaf& l) { return std::tuple(l.origin.x, l.origin.y, l.origin.z); };
     std::sort(set.leaves.begin(), set.leaves.end(), [&](auto& a, auto& b) { return key(a) < key(b); });
-    set.leaves.erase(std::unique(set.leaves.begin(), set.leaves.end(),
-                                 [&](auto& a, auto& b) { return key(a) == key(b); }),
-                     set.leaves.end());
+    set.leaves.erase(
+        std::unique(set.leaves.begin(), set.leaves.end(), [&](auto& a, auto& b) { return key(a) == key(b); }),
+        set.leaves.end());
     return set;
 }
 
@@ -77,7 +77,9 @@ TEST(LevelSet, RefusesWhatEncodingCannotMake) {
     EXPECT_TRUE(refused(set, [](LevelSet& s) { s.leaves.back().origin.y = INT32_MIN; }));
     EXPECT_TRUE(refused(set, [](LevelSet& s) { s.leaves[1].origin = s.leaves[0].origin; }));
     EXPECT_TRUE(refused(set, [](LevelSet& s) { std::swap(s.leaves[0], s.leaves[1]); }));
-    EXPECT_TRUE(refused(set, [](LevelSet& s) { s.leaves.back().origin = {s.side - 4 + 4 - (s.side + 0) % 8, 1 << 23, -4}; }));
+    EXPECT_TRUE(refused(set, [](LevelSet& s) {
+        s.leaves.back().origin = {s.side - 4 + 4 - (s.side + 0) % 8, 1 << 23, -4};
+    }));
 }
 
 TEST(LevelSet, MutatedBytesAreRefusedOrMeshed) {

@@ -17,10 +17,12 @@ namespace world {
 namespace {
 
 bool same(const SourceChunk& a, const SourceChunk& b) {
-    if (a.names != b.names || a.instances.size() != b.instances.size() || a.terrain.has_value() != b.terrain.has_value())
+    if (a.names != b.names || a.instances.size() != b.instances.size() ||
+        a.terrain.has_value() != b.terrain.has_value())
         return false;
     for (size_t i = 0; i < a.instances.size(); ++i) {
-        if (a.instances[i].mesh != b.instances[i].mesh || !(a.instances[i].placement == b.instances[i].placement))
+        if (a.instances[i].mesh != b.instances[i].mesh ||
+            !(a.instances[i].placement == b.instances[i].placement))
             return false;
     }
     return !a.terrain || a.terrain->levelSet == b.terrain->levelSet;
@@ -105,7 +107,8 @@ TEST_F(ProceduralWorld, HasItsInstancesOnTheGround) {
         const MeshLevel& level = chunk.terrain->mesh.levels[0];
         for (size_t v = 0; v < level.positions.size(); v += 97) {
             const glm::dvec3 p = glm::dvec3(level.positions[v]) + glm::dvec3(key.x, 0, key.z) * 128.0;
-            const double up = land_->sign(p + glm::dvec3(0, 2, 0)), down = land_->sign(p - glm::dvec3(0, 2, 0));
+            const double up = land_->sign(p + glm::dvec3(0, 2, 0)),
+                         down = land_->sign(p - glm::dvec3(0, 2, 0));
             mismatched += up < 0 && down < 0 && land_->groundHeight(p.x, p.z) < p.y + 2;  // skirts lie deeper
         }
     }
@@ -181,7 +184,8 @@ TEST_F(ProceduralWorld, HasCavesAndOverhangs) {
         if (land_->slope(x, z) < 2) continue;
         bool free = true;
         for (const Landscape::Tunnel& t : land_->tunnels()) {
-            free &= x < t.bounds.min.x - 1 || x > t.bounds.max.x + 1 || z < t.bounds.min.z - 1 || z > t.bounds.max.z + 1;
+            free &= x < t.bounds.min.x - 1 || x > t.bounds.max.x + 1 || z < t.bounds.min.z - 1 ||
+                    z > t.bounds.max.z + 1;
         }
         if (!free) continue;
         const double top = land_->groundHeight(x, z);
@@ -198,12 +202,16 @@ TEST_F(ProceduralWorld, PathStaysAboveTheGround) {
     EXPECT_DOUBLE_EQ(path.back().time, 66);
     for (size_t i = 0; i < path.size(); ++i) {
         const Pose& p = path[i];
-        ASSERT_NEAR(p.position.y - land_->groundHeight(p.position.x, p.position.z), 1.7, 1e-3) << "pose " << i;
+        ASSERT_NEAR(p.position.y - land_->groundHeight(p.position.x, p.position.z), 1.7, 1e-3)
+            << "pose " << i;
         ASSERT_NEAR(glm::length(p.orientation), 1, 1e-9);
         if (i == 0) continue;
         ASSERT_GT(p.time, path[i - 1].time);
         const double speed = glm::distance(p.position, path[i - 1].position) * 30;
-        const double turn = glm::degrees(2 * std::acos(std::min(1.0, std::abs(glm::dot(p.orientation, path[i - 1].orientation))))) * 30;
+        const double turn =
+            glm::degrees(
+                2 * std::acos(std::min(1.0, std::abs(glm::dot(p.orientation, path[i - 1].orientation))))) *
+            30;
         const double t = (p.time + path[i - 1].time) / 2;
         if (t < 12) {
             ASSERT_NEAR(speed, 1.5, 0.1) << t;
@@ -246,7 +254,8 @@ TEST_F(ProceduralWorld, PathIsFreeOfObstacles) {
 TEST_F(ProceduralWorld, MoversStartWhereTheWorldHasThem) {
     const std::vector<MoverTrack> tracks = proceduralMovers(7, {});
     ASSERT_EQ(tracks.size(), 24u);
-    ASSERT_TRUE(std::is_sorted(tracks.begin(), tracks.end(), [](auto& a, auto& b) { return a.name < b.name; }));
+    ASSERT_TRUE(
+        std::is_sorted(tracks.begin(), tracks.end(), [](auto& a, auto& b) { return a.name < b.name; }));
     std::map<std::string, Placement> placed;
     std::set<ChunkKey> keys;
     for (const MoverTrack& track : tracks) {

@@ -1,0 +1,230 @@
+// The whole system on a small world: exact every frame, the same for any number of threads, idle at
+// rest, and each deliberate defect seen by its own verification.
+#include "server/shadow_system.h"
+
+#include <tbb/global_control.h>
+
+#include <random>
+
+#include "tests/server/worlds.h"
+
+namespace {
+
+using server::FrameReport;
+using server::ObjectUpdate;
+using server::ShadowConfig;
+using server::ShadowSystem;
+
+ShadowConfig small() {
+    ShadowConfig config;
+    config.cascades = 3;
+    config.side = 256;
+    config.farDistance = 45;
+    config.restSeconds = 0.5;
+    config.geometryBytes = 16 << 20;
+    return config;
+}
+
+const world::WorldStore& nearWorld() {
+    static const world::WorldStore store = tests::baked(tests::streets(glm::dvec3(0)), "near.world");
+    return store;
+}
+
+std::unique_ptr<ShadowSystem> make(const world::WorldStore& store, const ShadowConfig& config) {
+    auto system = ShadowSystem::create(tests::validatedDevice(), store, config);
+    EXPECT_TRUE(system) << system.error().what;
+    return std::move(system.value());
+}
+
+/// A camera that walks, turns, stands and jumps, and objects that move, stop and start again.
+class Walk {
+public:
+    Walk(ShadowSystem& system, glm::dvec3 origin) : system_(system), origin_(origin), eye_(origin) {
+        const glm::i64vec2 base(glm::floor(glm::dvec2(origin.x, origin.z) / 16.0));
+        for (int i = 0; i < 12; ++i) {
+            const world::ChunkKey key{int32_t(base.x) + i % 3 - 1, 0, int32_t(base.y) + i / 3 - 2};
+            auto id = system.adopt((i % 4 == 0 ? "roof " : "box ") + world::toString(key) + (i % 4 == 0 ? "" : " 0"));
+            if (!id) throw std::runtime_error(id.error().what);
+            objects_.push_back(id.value());
+        }
+    }
+    FrameReport step() {
+        const auto uniform = [this](double a, double b) { return a + (b - a) * double(rng_()) / 4294967295.0; };
+        std::vector<ObjectUpdate> updates;
+        for (const server::ObjectId object : objects_) {
+            if (frame_ % 40 < 20 || rng_() % 3) continue;  // all rest for 20 frames, then some move
+            ObjectUpdate update{object, system_.restPlacement(object)};
+            update.placement.translation += glm::dvec3(uniform(-3, 3), uniform(0, 1), uniform(-3, 3));
+            updates.push_back(update);
+        }
+        if (frame_ % 37 == 36) eye_ = origin_ + glm::dvec3(uniform(-60, 60), 2, uniform(-60, 60));
+        else if (frame_ % 10 < 8) eye_ += glm::dvec3(uniform(-1, 1), 0, uniform(-1, 1));
+        auto report = system_.advance({double(frame_) / 30, {eye_, {1, 0, 0, 0}}, updates});
+        if (!report) throw std::runtime_error(report.error().what);
+        ++frame_;
+        return std::move(report.value());
+    }
+
+private:
+    ShadowSystem& system_;
+    glm::dvec3 origin_, eye_;
+    std::vector<server::ObjectId> objects_;
+    std::mt19937 rng_{17};
+    int frame_ = 0;
+};
+
+TEST(ShadowSystem, EveryFrameEqualsARedrawFromScratch) {
+    const glm::dvec3 far(1e6, 0, -6.1e6);
+    const world::WorldStore distant = tests::baked(tests::streets(far), "far.world");
+    for (const bool away : {false, true}) {
+        const auto system = make(away ? distant : nearWorld(), small());
+        Walk walk(*system, away ? far : glm::dvec3(0));
+        uint64_t certificates = 0, revoked = 0, departures = 0, promotions = 0;
+        for (int frame = 0; frame < 120; ++frame) {
+            const FrameReport report = walk.step();
+            ASSERT_TRUE(report.errors.empty()) << report.errors[0].what;
+            certificates += report.certificates;
+            revoked += report.revocations;
+            departures += report.chunkDepartures;
+            for (const auto& c : report.cascades) {
+                cache::Cost sum;
+                for (const cache::Cost& cost : c.byCause) sum += cost;
+                ASSERT_EQ(sum, c.total) << "frame " << frame;
+                promotions += c.byCause[size_t(cache::Cause::kPromotion)].draws;
+            }
+            const auto verified = system->verify();
+            ASSERT_TRUE(verified) << verified.error().what;
+            ASSERT_EQ(verified.value().differing, 0u)
+                << "frame " << frame << ", texel " << verified.value().first[0].texel.x << ", "
+                << verified.value().first[0].texel.y << " of cascade " << verified.value().first[0].cascade;
+        }
+        EXPECT_GT(certificates, 0u);
+        EXPECT_GT(revoked, 0u);
+        EXPECT_GT(departures, 0u);
+        EXPECT_GT(promotions, 0u);
+    }
+    tests::expectSilence();
+}
+
+TEST(ShadowSystem, EachDefectIsSeen) {
+    for (const cache::Sabotage sabotage : {cache::Sabotage::kLiteralScroll, cache::Sabotage::kDeafDeparture,
+                                           cache::Sabotage::kStickyCertificate}) {
+        ShadowConfig config = small();
+        config.sabotage = sabotage;
+        const auto system = make(nearWorld(), config);
+        Walk walk(*system, glm::dvec3(0));
+        bool caught = false;
+        for (int frame = 0; frame < 120 && !caught; ++frame) {
+            walk.step();
+            const auto verified = system->verify();
+            ASSERT_TRUE(verified);
+            caught = verified.value().differing > 0;
+            if (caught) {
+                ASSERT_FALSE(verified.value().first.empty());
+                EXPECT_FALSE(verified.value().first[0].casters.empty()) << "a difference must name casters";
+            }
+        }
+        EXPECT_TRUE(caught) << "sabotage " << int(sabotage);
+    }
+    tests::expectSilence();
+}
+
+TEST(ShadowSystem, IsTheSameForAnyNumberOfThreads) {
+    std::vector<std::vector<uint64_t>> runs;
+    for (const size_t threads : {1, 2, 5}) {
+        const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+        const auto system = make(nearWorld(), small());
+        Walk walk(*system, glm::dvec3(0));
+        std::vector<uint64_t> run;
+        for (int frame = 0; frame < 60; ++frame) {
+            const FrameReport r = walk.step();
+            for (uint64_t v : {r.planHash, r.rays, r.certificates, r.revocations, r.bytesRead, r.bytesUploaded}) run.push_back(v);
+            for (int c = 0; c < system->cascades(); ++c)
+                for (const auto kind : {gpu::MapKind::kCache, gpu::MapKind::kWorking})
+                    run.push_back(system->mapHash(c, kind).value());
+        }
+        runs.push_back(run);
+    }
+    EXPECT_EQ(runs[0], runs[1]);
+    EXPECT_EQ(runs[0], runs[2]);
+}
+
+TEST(ShadowSystem, OcclusionChangesNoTexel) {
+    ShadowConfig config = small();
+    const auto exact = make(nearWorld(), config);
+    config.occlusion = false;
+    const auto off = make(nearWorld(), config);
+    Walk a(*exact, glm::dvec3(0)), b(*off, glm::dvec3(0));
+    uint64_t hidden = 0;
+    for (int frame = 0; frame < 60; ++frame) {
+        for (const auto& c : a.step().cascades) hidden += c.clustersHidden;
+        b.step();
+        for (int c = 0; c < exact->cascades(); ++c)
+            for (const auto kind : {gpu::MapKind::kCache, gpu::MapKind::kWorking})
+                ASSERT_EQ(exact->mapHash(c, kind).value(), off->mapHash(c, kind).value()) << "frame " << frame;
+    }
+    EXPECT_GT(hidden, 0u);
+    tests::expectSilence();
+}
+
+TEST(ShadowSystem, NothingMovingSubmitsNothing) {
+    const auto system = make(nearWorld(), small());
+    const server::FrameInput input{0, {glm::dvec3(3, 2, 1), {1, 0, 0, 0}}, {}};
+    ASSERT_TRUE(system->advance(input).value().gpu.submitted);
+    for (int frame = 1; frame < 5; ++frame) {
+        const FrameReport report = system->advance({frame / 30.0, input.camera, {}}).value();
+        EXPECT_FALSE(report.gpu.submitted);
+        EXPECT_EQ(report.bytesUploaded, 0u);
+        for (const auto& c : report.cascades) EXPECT_EQ(c.total, cache::Cost{});
+    }
+}
+
+TEST(ShadowSystem, RedrawMethodDrawsEverythingEveryFrame) {
+    ShadowConfig config = small();
+    config.method = server::Method::kRedraw;
+    const auto system = make(nearWorld(), config);
+    Walk walk(*system, glm::dvec3(0));
+    for (int frame = 0; frame < 5; ++frame) {
+        const FrameReport report = walk.step();
+        const server::RedrawCosts costs = system->redrawCosts();
+        for (size_t c = 0; c < costs.size(); ++c) EXPECT_EQ(report.cascades[c].total, costs[c]);
+        EXPECT_EQ(system->verify().value().differing, 0u);
+    }
+}
+
+TEST(ShadowSystem, BadItemsAreReportedAndTheFrameGoesOn) {
+    const auto system = make(nearWorld(), small());
+    EXPECT_FALSE(system->adopt("no such box"));
+    const server::ObjectId box = system->adopt("box (0,0,0) 1").value();
+    EXPECT_EQ(system->adopt("box (0,0,0) 1").value(), box);
+    world::Placement broken = system->restPlacement(box);
+    broken.translation.y = std::nan("");
+    const ObjectUpdate updates[] = {{box, broken}, {box + 7, system->restPlacement(box)}};
+    const auto report = system->advance({0, {glm::dvec3(0), {1, 0, 0, 0}}, updates});
+    ASSERT_TRUE(report);
+    EXPECT_EQ(report.value().errors.size(), 2u);
+    EXPECT_EQ(system->verify().value().differing, 0u);
+    EXPECT_FALSE(system->advance({0, {glm::dvec3(std::nan(""), 0, 0), {1, 0, 0, 0}}, {}}));
+}
+
+TEST(ShadowSystem, RefusesWhatCannotWork) {
+    ShadowConfig config = small();
+    config.sun = {0, 1, 0};
+    EXPECT_FALSE(ShadowSystem::create(tests::validatedDevice(), nearWorld(), config));
+    config = small();
+    config.geometryBytes = 4096;
+    const auto tiny = ShadowSystem::create(tests::validatedDevice(), nearWorld(), config);
+    if (tiny) {
+        const auto frame = tiny.value()->advance({0, {glm::dvec3(0), {1, 0, 0, 0}}, {}});
+        ASSERT_FALSE(frame);
+        EXPECT_EQ(frame.error().code, world::ErrorCode::kLimit);
+        EXPECT_NE(frame.error().what.find("--gpu-budget"), std::string::npos) << frame.error().what;
+    }
+    config = small();
+    config.residentBytes = 1000;
+    const auto frame = make(nearWorld(), config)->advance({0, {glm::dvec3(0), {1, 0, 0, 0}}, {}});
+    ASSERT_FALSE(frame);
+    EXPECT_EQ(frame.error().code, world::ErrorCode::kLimit);
+}
+
+}  // namespace
