@@ -28,21 +28,42 @@ double depthSlope(const PlacedTriangle& triangle);
 /// NaN where the triangle is seen edge on or the edge has no length.
 double edgeDistance(const PlacedTriangle& triangle, int e, glm::dvec2 p);
 
-/// Triangles that share an edge, by equal positions: [3 * triangle + edge], kNoNeighbour where the
-/// edge has none or more than one.
-constexpr uint32_t kNoNeighbour = 0xffffffffu;
-std::vector<uint32_t> neighbours(const world::MeshLevel& level);
+/// Calls `visit` with each other triangle of the level that has both ends of edge e of `triangle`, by
+/// position, until it returns true.
+template <class Visit>
+void acrossEdge(const world::MeshLevel& level, uint32_t triangle, int e, const Visit& visit);
 
 /// The farthest depth [m] at which a rasteriser can put the surface at texel centre `p`, if the
 /// triangle, alone or with the neighbour across the one edge that is near, surely covers `p`.
 ///   margin     room that `p` must have [texels]: kSnapTexels plus float error of the positions
-///   neighbour  called with an edge for the triangle across it, placed likewise; nothing if none
+///   neighbourOf  called with that edge for the triangle across it, placed likewise; nothing if none
 template <class NeighbourOf>
 std::optional<double> coveredDepth(const PlacedTriangle& triangle, glm::dvec2 p, double margin,
                                    const NeighbourOf& neighbourOf);
 
 /// Depth of the triangle's plane at `p`, deepened by what its slope adds over `margin` texels [m].
 double depthBound(const PlacedTriangle& triangle, glm::dvec2 p, double margin);
+
+template <class Visit>
+void acrossEdge(const world::MeshLevel& level, uint32_t triangle, int e, const Visit& visit) {
+    const auto corner = [&level](uint32_t index) { return level.positions[level.indices[index]]; };
+    const uint32_t first = 3 * triangle;
+    const glm::vec3 a = corner(first + uint32_t(e)), b = corner(first + uint32_t(e + 1) % 3);
+    for (const world::Cluster& cluster : level.clusters) {
+        if (glm::any(glm::lessThan(glm::min(a, b), cluster.min)) ||
+            glm::any(glm::greaterThan(glm::max(a, b), cluster.max)))
+            continue;
+        for (uint32_t i = cluster.firstIndex; i < cluster.firstIndex + cluster.indexCount; i += 3) {
+            if (i == first) continue;
+            bool hasA = false, hasB = false;
+            for (uint32_t k = i; k < i + 3; ++k) {
+                hasA |= corner(k) == a;
+                hasB |= corner(k) == b;
+            }
+            if (hasA && hasB && visit(i / 3)) return;
+        }
+    }
+}
 
 template <class NeighbourOf>
 std::optional<double> coveredDepth(const PlacedTriangle& triangle, glm::dvec2 p, double margin,

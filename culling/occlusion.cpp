@@ -56,10 +56,6 @@ Occlusion::Occlusion(const world::CasterTable& table, const LightCasters& light,
 
 Occlusion::~Occlusion() = default;
 
-void Occlusion::add(std::span<const world::CasterId> casters) {
-    for (world::CasterId id : casters) scenes_->add(id);
-}
-
 void Occlusion::forgetMesh(world::MeshSlot slot) { scenes_->forgetMesh(slot); }
 
 size_t Occlusion::remove(std::span<const world::CasterId> casters) {
@@ -125,11 +121,13 @@ bool Occlusion::prove(SunRay& ray, int cascade, double nearest, uint64_t& rays) 
         const double margin = kSnapTexels + reach(caster, texel, config_.side) * kFloatShare;
         const auto depth = coveredDepth(
             placed(caster, level, ray.triangle, texel), p, margin,
-            [&](int edge) -> std::optional<PlacedTriangle> {
-                const uint32_t other =
-                    scenes_->neighboursOf(ray.caster, cascade)[3 * ray.triangle + static_cast<uint32_t>(edge)];
-                if (other == kNoNeighbour) return std::nullopt;
-                return placed(caster, level, other, texel);
+            [&](int edge) {
+                std::optional<PlacedTriangle> across;
+                acrossEdge(level, ray.triangle, edge, [&](uint32_t other) {
+                    across = placed(caster, level, other, texel);
+                    return true;
+                });
+                return across;
             });
         if (depth && *depth < nearest - config_.depthRange * kDepthShare) return true;
         if (candidate + 1 == kCandidates) return false;
@@ -209,13 +207,15 @@ Occlusion::Attempt Occlusion::attempt(world::CasterId caster, int cascade) const
     return result;
 }
 
-CertifyCosts Occlusion::certify(std::span<const world::CasterId> casters) {
-    scenes_->commit();
-    const size_t cascades = light_.cascades().size();
-    std::vector<Attempt> attempts(casters.size() * cascades);
+CertifyCosts Occlusion::admit(int cascade, std::span<const world::CasterId> casters) {
+    std::vector<world::CasterId> fresh;
+    for (world::CasterId id : casters)
+        if (scenes_->add(cascade, id)) fresh.push_back(id);
+    if (fresh.empty()) return {};
+    scenes_->commit(cascade);
+    std::vector<Attempt> attempts(fresh.size());
     tbb::parallel_for(tbb::blocked_range<size_t>(0, attempts.size()), [&](const tbb::blocked_range<size_t>& range) {
-        for (size_t i = range.begin(); i != range.end(); ++i)
-            attempts[i] = attempt(casters[i / cascades], static_cast<int>(i % cascades));
+        for (size_t i = range.begin(); i != range.end(); ++i) attempts[i] = attempt(fresh[i], cascade);
     });
     // Issued in one order whatever thread found them.
     CertifyCosts costs;

@@ -47,7 +47,7 @@ struct OcclusionConfig {
 };
 
 /// Holds Embree scenes of the static casters and the certificates they prove. One caller at a time;
-/// `certify` runs on all of TBB's threads and gives the same answer for any number of them.
+/// `admit` runs on all of TBB's threads and gives the same answer for any number of them.
 class Occlusion {
 public:
     /// `table` and `light` must outlive it. kDevice if Embree refuses.
@@ -56,8 +56,10 @@ public:
                                                            const OcclusionConfig& config);
     ~Occlusion();
 
-    /// Static casters that may now prove. Call before `certify`.
-    void add(std::span<const world::CasterId> casters);
+    /// Static casters that a cascade's window reaches or soon will. Those that are new to the cascade
+    /// may prove from now on, and certificates are looked for, for their clusters, there. What was
+    /// admitted earlier is not tried again.
+    CertifyCosts admit(int cascade, std::span<const world::CasterId> casters);
 
     /// Static casters that leave or turn active, before the table forgets or moves them. Their own
     /// certificates go, and those that they prove are revoked. What a revoked one hid shows nowhere
@@ -65,11 +67,8 @@ public:
     ///   returns  certificates revoked of casters that stay
     size_t remove(std::span<const world::CasterId> casters);
 
-    /// Drops what is kept of a mesh; no added caster may use it.
+    /// Drops what is kept of a mesh; no admitted caster may use it.
     void forgetMesh(world::MeshSlot slot);
-
-    /// Looks for certificates for the clusters of these casters (added ones), in every cascade.
-    CertifyCosts certify(std::span<const world::CasterId> casters);
 
     /// True if the cluster, of the level drawn in that cascade, need not be drawn.
     bool hidden(int cascade, world::CasterId caster, uint32_t cluster) const {

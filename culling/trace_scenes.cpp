@@ -7,8 +7,6 @@
 #include <limits>
 #include <map>
 
-#include "culling/coverage.h"
-
 namespace culling {
 
 namespace {
@@ -18,9 +16,10 @@ constexpr size_t kStream = 256;  ///< rays handed to Embree at once: a few kilob
 /// A mesh level that casters instance.
 struct Shape {
     RTCScene scene = nullptr;
-    std::vector<uint32_t> neighbours;
     uint32_t users = 0;
 };
+
+enum class Membership : uint8_t { kOut, kIn, kUnseen };  ///< kUnseen: added, but never hit
 
 }  // namespace
 
@@ -38,9 +37,9 @@ struct TraceScenes::Impl {
     glm::dvec3 anchor{0};
     RTCDevice device = nullptr;
     std::vector<RTCScene> scenes;  ///< per cascade
-    std::vector<uint8_t> attached; ///< per caster
+    std::vector<std::vector<Membership>> members;  ///< [cascade][caster]
     std::map<std::pair<world::MeshSlot, int>, Shape> shapes;
-    bool changed = false;
+    std::vector<uint8_t> changed;  ///< per cascade
 };
 
 Shape& TraceScenes::Impl::shape(world::MeshSlot slot, int level) {
@@ -61,7 +60,6 @@ Shape& TraceScenes::Impl::shape(world::MeshSlot slot, int level) {
     rtcAttachGeometry(shape.scene, geometry);
     rtcReleaseGeometry(geometry);
     rtcCommitScene(shape.scene);
-    shape.neighbours = neighbours(mesh);
     return shape;
 }
 
@@ -82,45 +80,50 @@ world::Result<std::unique_ptr<TraceScenes>> TraceScenes::create(const world::Cas
         rtcSetSceneBuildQuality(scene, RTC_BUILD_QUALITY_MEDIUM);  // deterministic, unlike the faster ones
         impl->scenes.push_back(scene);
     }
+    impl->members.resize(impl->scenes.size());
+    impl->changed.resize(impl->scenes.size(), 0);
     return std::unique_ptr<TraceScenes>(new TraceScenes(std::move(impl)));
 }
 
-void TraceScenes::add(world::CasterId caster) {
+bool TraceScenes::add(int cascade, world::CasterId caster) {
     Impl& s = *impl_;
-    if (s.attached.size() <= caster) s.attached.resize(caster + 1, 0);
-    CHECK(!s.attached[caster]);
+    const auto c = static_cast<size_t>(cascade);
+    if (s.members[c].size() <= caster) s.members[c].resize(caster + 1, Membership::kOut);
+    if (s.members[c][caster] != Membership::kOut) return false;
+    s.members[c][caster] = Membership::kUnseen;
     const LightCaster& placed = s.light[caster];
     const glm::dmat3& m = placed.lightFromMesh;
     const double volume = std::abs(glm::determinant(m));
-    if (!(volume > 1e-9 * glm::length(m[0]) * glm::length(m[1]) * glm::length(m[2]))) return;
+    if (!(volume > 1e-9 * glm::length(m[0]) * glm::length(m[1]) * glm::length(m[2]))) return true;
     const glm::vec3 shift(placed.origin - s.anchor);
     float xfm[12];
     for (int column = 0; column < 3; ++column)
         for (int row = 0; row < 3; ++row) xfm[3 * column + row] = static_cast<float>(m[column][row]);
     for (int row = 0; row < 3; ++row) xfm[9 + row] = shift[row];
-    for (size_t c = 0; c < s.scenes.size(); ++c) {
-        Shape& shape = s.shape(s.table[caster].mesh, s.light.level(caster, int(c)));
-        RTCGeometry instance = rtcNewGeometry(s.device, RTC_GEOMETRY_TYPE_INSTANCE);
-        rtcSetGeometryInstancedScene(instance, shape.scene);
-        rtcSetGeometryTransform(instance, 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, xfm);
-        rtcCommitGeometry(instance);
-        rtcAttachGeometryByID(s.scenes[c], instance, caster);
-        rtcReleaseGeometry(instance);
-        ++shape.users;
-    }
-    s.attached[caster] = 1;
-    s.changed = true;
+    Shape& shape = s.shape(s.table[caster].mesh, s.light.level(caster, cascade));
+    RTCGeometry instance = rtcNewGeometry(s.device, RTC_GEOMETRY_TYPE_INSTANCE);
+    rtcSetGeometryInstancedScene(instance, shape.scene);
+    rtcSetGeometryTransform(instance, 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, xfm);
+    rtcCommitGeometry(instance);
+    rtcAttachGeometryByID(s.scenes[c], instance, caster);
+    rtcReleaseGeometry(instance);
+    ++shape.users;
+    s.members[c][caster] = Membership::kIn;
+    s.changed[c] = 1;
+    return true;
 }
 
 void TraceScenes::remove(world::CasterId caster) {
     Impl& s = *impl_;
-    if (caster >= s.attached.size() || !s.attached[caster]) return;
     for (size_t c = 0; c < s.scenes.size(); ++c) {
-        rtcDetachGeometry(s.scenes[c], caster);
-        --s.shapes.at({s.table[caster].mesh, s.light.level(caster, int(c))}).users;
+        if (caster >= s.members[c].size()) continue;
+        if (s.members[c][caster] == Membership::kIn) {
+            rtcDetachGeometry(s.scenes[c], caster);
+            --s.shapes.at({s.table[caster].mesh, s.light.level(caster, int(c))}).users;
+            s.changed[c] = 1;
+        }
+        s.members[c][caster] = Membership::kOut;
     }
-    s.attached[caster] = 0;
-    s.changed = true;
 }
 
 void TraceScenes::forgetMesh(world::MeshSlot slot) {
@@ -132,10 +135,11 @@ void TraceScenes::forgetMesh(world::MeshSlot slot) {
     }
 }
 
-void TraceScenes::commit() {
-    if (!impl_->changed) return;
-    for (RTCScene scene : impl_->scenes) rtcCommitScene(scene);
-    impl_->changed = false;
+void TraceScenes::commit(int cascade) {
+    const auto c = static_cast<size_t>(cascade);
+    if (!impl_->changed[c]) return;
+    rtcCommitScene(impl_->scenes[c]);
+    impl_->changed[c] = 0;
 }
 
 void TraceScenes::trace(int cascade, std::span<SunRay> rays) const {
@@ -170,10 +174,6 @@ void TraceScenes::trace(int cascade, std::span<SunRay> rays) const {
             ray.distance = stream[i].ray.tfar;
         }
     }
-}
-
-const std::vector<uint32_t>& TraceScenes::neighboursOf(world::CasterId caster, int cascade) const {
-    return impl_->shapes.at({impl_->table[caster].mesh, impl_->light.level(caster, cascade)}).neighbours;
 }
 
 }  // namespace culling

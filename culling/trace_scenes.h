@@ -30,16 +30,16 @@ public:
                                                              const LightCasters& light, glm::dvec3 anchor);
     ~TraceScenes();
 
-    /// Flat or otherwise uninvertible placements are left out: they prove nothing.
-    void add(world::CasterId caster);
+    /// Adds a caster to a cascade's scene; false if it is there already.
+    /// Flat or otherwise uninvertible placements are never hit: they prove nothing.
+    bool add(int cascade, world::CasterId caster);
+    /// Takes it out of every scene that has it.
     void remove(world::CasterId caster);
     void forgetMesh(world::MeshSlot slot);
-    /// Builds what changed. Call before tracing.
-    void commit();
+    /// Builds what changed in a cascade's scene. Call before tracing there.
+    void commit(int cascade);
 
     void trace(int cascade, std::span<SunRay> rays) const;
-    /// Neighbours (coverage.h) of the level's triangles; the mesh is in use by an added caster.
-    const std::vector<uint32_t>& neighboursOf(world::CasterId caster, int cascade) const;
 
 private:
     struct Impl;

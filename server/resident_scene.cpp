@@ -4,6 +4,8 @@
 #include <chrono>
 #include <cmath>
 
+#include "culling/caster_query.h"
+
 namespace server {
 
 namespace {
@@ -244,6 +246,24 @@ world::Result<world::Done> ResidentScene::stream(glm::dvec3 eye, SceneChanges& c
     return world::Done{};
 }
 
+void ResidentScene::occlude(glm::dvec3 eye, SceneChanges& changes) {
+    // A cascade's rays are spent where its window is or soon will be: the finest cascade covers a
+    // thousandth of the coarsest one's ground and would cost most of the rays.
+    const auto& cascades = light_.cascades();
+    const bool first = certifiedAt_.empty();
+    certifiedAt_.resize(cascades.size());
+    std::vector<world::CasterId> near;
+    for (size_t c = 0; c < cascades.size(); ++c) {
+        const double slack = kSlack * cascades[c].split;
+        const glm::dvec2 at(eye);
+        if (!first && changes.arrivals.empty() && glm::length(at - certifiedAt_[c]) <= slack / 2) continue;
+        certifiedAt_[c] = at;
+        const double reach = cascades[c].texel * config_.side / 2 + slack;
+        culling::castersOver(statics_, light_, at - reach, at + reach, near);
+        changes.certify += occlusion_->admit(int(c), near);
+    }
+}
+
 world::Result<SceneChanges> ResidentScene::advance(double time, glm::dvec3 eye,
                                                    std::span<const ObjectUpdate> updates) {
     SceneChanges changes;
@@ -268,12 +288,7 @@ world::Result<SceneChanges> ResidentScene::advance(double time, glm::dvec3 eye,
     waiting_.clear();
     std::sort(changes.arrivals.begin(), changes.arrivals.end(),
               [](const cache::Arrival& a, const cache::Arrival& b) { return a.caster < b.caster; });
-    if (occlusion_ && !changes.arrivals.empty()) {
-        std::vector<world::CasterId> arrived;
-        for (const cache::Arrival& a : changes.arrivals) arrived.push_back(a.caster);
-        occlusion_->add(arrived);
-        changes.certify = occlusion_->certify(arrived);
-    }
+    if (occlusion_) occlude(eye, changes);
     changes.occlusionMs = occlusion.ms();
     return changes;
 }

@@ -65,7 +65,7 @@ public:
     const world::Placement& restPlacement(ObjectId object) const { return objects_[object].rest; }
 
     /// Moves objects, settles the static and active sets, streams for an eye at `eye` (light space),
-    /// and certifies what arrived. Bad items are reported and skipped; an Error (kLimit, kDevice)
+    /// and certifies what comes near. Bad items are reported and skipped; an Error (kLimit, kDevice)
     /// means that the scene could not be completed.
     world::Result<SceneChanges> advance(double time, glm::dvec3 eye, std::span<const ObjectUpdate> updates);
 
@@ -95,6 +95,7 @@ private:
     /// Uploads the levels that the caster's cascades draw.
     world::Result<world::Done> uploadLevels(world::CasterId caster);
     void removeMesh(world::MeshSlot slot);
+    void occlude(glm::dvec3 eye, SceneChanges& changes);
 
     const world::WorldStore& store_;
     gpu::ShadowMaps& maps_;
@@ -112,6 +113,7 @@ private:
     std::optional<std::vector<world::NamedInstance>> names_;
     std::vector<cache::Arrival> waiting_;  ///< adopted before the next frame
     std::optional<glm::dvec3> streamedAt_; ///< eye at the last evaluation of wants, light space
+    std::vector<glm::dvec2> certifiedAt_;  ///< per cascade: eye at the last look for certificates
 };
 
 }  // namespace server

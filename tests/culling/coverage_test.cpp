@@ -60,16 +60,23 @@ TEST(Coverage, ATriangleSeenEdgeOnGrantsNothing) {
     EXPECT_TRUE(std::isinf(culling::depthSlope(wall)));
 }
 
-TEST(Coverage, NeighboursMeetAtEqualPositions) {
-    world::MeshLevel level;  // two triangles of a quad, corners stored twice; a third touches the same edge later
+TEST(Coverage, NeighboursMeetAtEqualPositionsAcrossClusters) {
+    world::MeshLevel level;  // a quad of two triangles, corners stored twice, a cluster each
     level.positions = {{0, 0, 0}, {1, 0, 0}, {0, 0, 1}, {1, 0, 0}, {1, 0, 1}, {0, 0, 1}};
     level.indices = {0, 1, 2, 3, 4, 5};
-    const auto n = culling::neighbours(level);
-    EXPECT_EQ(n, (std::vector<uint32_t>{culling::kNoNeighbour, 1, culling::kNoNeighbour, culling::kNoNeighbour,
-                                        culling::kNoNeighbour, 0}));
-    level.positions.push_back({0.5, 1, 0.5});
-    for (uint32_t i : {1u, 2u, 6u}) level.indices.push_back(i);  // three at one edge: nobody's neighbour
-    for (uint32_t other : culling::neighbours(level)) EXPECT_EQ(other, culling::kNoNeighbour);
+    level.clusters = {{0, 3, {0, 0, 0}, {1, 0, 1}}, {3, 3, {0, 0, 0}, {1, 0, 1}}};
+    const auto found = [&](uint32_t triangle, int edge) {
+        std::vector<uint32_t> others;
+        culling::acrossEdge(level, triangle, edge, [&](uint32_t other) {
+            others.push_back(other);
+            return false;
+        });
+        return others;
+    };
+    EXPECT_EQ(found(0, 1), std::vector<uint32_t>{1});
+    EXPECT_EQ(found(1, 2), std::vector<uint32_t>{0});
+    for (const auto& [triangle, edge] : {std::pair(0u, 0), {0u, 2}, {1u, 0}, {1u, 1}})
+        EXPECT_TRUE(found(triangle, edge).empty());
 }
 
 }  // namespace

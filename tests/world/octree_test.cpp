@@ -98,6 +98,47 @@ TEST(Octree, MovesLikeBruteForce) { movesLikeBruteForce(glm::dvec3(0), 3); }
 TEST(Octree, MovesLikeBruteForceFarFromTheOrigin) { movesLikeBruteForce({1e6, -3e5, 6.1e6}, 4); }
 TEST(Octree, MovesLikeBruteForceAtOddCoordinates) { movesLikeBruteForce({1e6 + 0.1, 1.0 / 3, -1e5 / 7}, 5); }
 
+// Boxes that fill the loose bounds of their cells, under queries that just touch a corner: there the test
+// of a cell and that of its item differ by rounding alone, and the cell's must never be the stricter one.
+TEST(Octree, AgreesAtTheEdgesOfItsCells) {
+    for (const glm::dvec3 centre : {glm::dvec3(0), glm::dvec3(1e6, -3e5, 6.1e6)}) {
+        std::mt19937 rng(9);
+        std::map<uint32_t, Box> boxes;
+        Octree tree({centre - 100.0, centre + 100.0}, 2);
+        for (uint32_t item = 0; item < 600; ++item) {
+            const double half = std::exp2(rng() % 5);
+            const auto odd = [&] { return (2.0 * (rng() % 16) - 15) * half; };
+            const double x = odd(), y = odd(), z = odd();
+            const glm::dvec3 p = glm::round(centre / 0.125) * 0.125 + glm::dvec3(x, y, z);
+            tree.insert(item, boxes[item] = {p - 2 * half, p + 2 * half});
+        }
+        tree.validate();
+        for (int step = 0; step < 20000; ++step) {
+            const Box& box = boxes[rng() % 600];
+            TurnedBox query = randomQuery(rng, centre, 150);
+            const size_t k = rng() % 3;
+            // Just where the box's own test turns: along the axis, the far or the near corner.
+            const double at = glm::dot(query.axis[k], box.centre()),
+                         reach = glm::dot(glm::abs(query.axis[k]), box.extent() * 0.5);
+            if (rng() % 2) {
+                query.lo[static_cast<int>(k)] = at + reach;
+                query.hi[static_cast<int>(k)] = kInf;
+            } else {
+                query.lo[static_cast<int>(k)] = -kInf;
+                query.hi[static_cast<int>(k)] = at - reach;
+            }
+            for (size_t j = 0; j < 3; ++j) {
+                if (j == k) continue;
+                query.lo[static_cast<int>(j)] = -kInf;
+                query.hi[static_cast<int>(j)] = kInf;
+            }
+            std::vector<uint32_t> found;
+            tree.query(query, found);
+            ASSERT_EQ(found, bruteForce(boxes, query)) << "step " << step;
+        }
+    }
+}
+
 TEST(Octree, EmptyAndOne) {
     Octree tree({glm::dvec3(0), glm::dvec3(10)}, 1);
     std::vector<uint32_t> found;
