@@ -23,23 +23,59 @@ constexpr Rgb kUntouched{22, 22, 26};
 constexpr Rgb kExposed{255, 140, 0};
 constexpr Rgb kCleared{220, 0, 200};
 
-/// Depths that occur, empty texels aside.
-struct DepthRange {
-    float nearest = 1, farthest = 0;
-    void add(std::span<const float> depths) {
-        for (float d : depths) {
-            if (!(d < 1)) continue;
-            nearest = std::min(nearest, d);
-            farthest = std::max(farthest, d);
-        }
+/// Gray by height over the trend of a map: ground that tilts away from the sun spans most of the depths
+/// there are and would leave what stands on it in one gray.
+class Relief {
+public:
+    /// Fits a plane to the depths that occur (least squares) and stretches what is left of 99 % of them.
+    Relief(std::span<const float> stored, const cache::Lattice& lattice, cache::Texel window) {
+        double n = 0, sz = 0;
+        glm::dvec2 sp(0), spz(0);
+        glm::dmat2 spp(0);
+        const auto each = [&](auto visit) {
+            for (int64_t y = 0; y < lattice.side; ++y)
+                for (int64_t x = 0; x < lattice.side; ++x) {
+                    const cache::Texel at = lattice.slot(window + cache::Texel(x, y));
+                    const float depth = stored[size_t(at.y * lattice.side + at.x)];
+                    if (depth < 1) visit(glm::dvec2(double(x), double(y)), double(depth));
+                }
+        };
+        each([&](glm::dvec2 p, double depth) {
+            n += 1;
+            sp += p;
+            sz += depth;
+            spp += glm::outerProduct(p, p);
+            spz += p * depth;
+        });
+        if (n < 1) return;
+        const glm::dvec2 mean = sp / n;
+        const glm::dmat2 spread = spp - glm::outerProduct(sp, mean);
+        if (std::abs(glm::determinant(spread)) > 1e-6) slope_ = glm::inverse(spread) * (spz - mean * sz);
+        level_ = sz / n - glm::dot(slope_, mean);
+        std::vector<float> rest;
+        each([&](glm::dvec2 p, double depth) { rest.push_back(static_cast<float>(depth - trend(p))); });
+        const auto quantile = [&rest](double q) {
+            const auto at = rest.begin() + static_cast<ptrdiff_t>(q * double(rest.size() - 1));
+            std::nth_element(rest.begin(), at, rest.end());
+            return double(*at);
+        };
+        nearest_ = quantile(0.005);
+        farthest_ = quantile(0.995);
     }
-    Rgb shade(float depth) const {
+    /// (x, y) in window order.
+    Rgb shade(float depth, int x, int y) const {
         if (!(depth < 1)) return kEmpty;
-        const float span = farthest - nearest;
-        const float away = span > 0 ? std::clamp((depth - nearest) / span, 0.0f, 1.0f) : 0.0f;
+        const double span = farthest_ - nearest_, rest = double(depth) - trend({x, y});
+        // Single precision leaves noise of this size on a plane: not worth a stretch.
+        const double away = span > 1e-7 ? std::clamp((rest - nearest_) / span, 0.0, 1.0) : 0.5;
         const auto gray = static_cast<uint8_t>(std::lround(255 - 200 * away));
         return {gray, gray, gray};
     }
+
+private:
+    double trend(glm::dvec2 p) const { return level_ + glm::dot(slope_, p); }
+    glm::dvec2 slope_{0};
+    double level_ = 0, nearest_ = 0, farthest_ = 0;
 };
 
 Rgb tinted(Rgb base, Rgb tint) {
@@ -90,11 +126,9 @@ RgbImage scrollPicture(const ScrollMaps& maps) {
     const int side = maps.side;
     const size_t area = size_t(side) * size_t(side);
     CHECK(maps.before.size() == area && maps.after.size() == area && maps.redrawn.size() == area);
-    DepthRange range;
-    range.add(maps.redrawn);
-    range.add(maps.after);
     const std::vector<uint8_t> cleared = coverage(maps.cleared, side);
     const cache::Lattice lattice{.texel = 1, .side = side};
+    const Relief relief(maps.redrawn, lattice, maps.window);
 
     RgbImage image{side, 3 * side, std::vector<uint8_t>(3 * 3 * area)};
     const auto put = [&](int view, int x, int y, Rgb color) {
@@ -109,15 +143,15 @@ RgbImage scrollPicture(const ScrollMaps& maps) {
             const int64_t oldX = x + maps.move.x, oldY = y + maps.move.y;
             const bool exposed = oldX < 0 || oldY < 0 || oldX >= side || oldY >= side;
             const bool drawn = cleared[at] || maps.before[at] != maps.after[at];
-            put(0, x, y, range.shade(maps.redrawn[at]));
-            put(1, x, y, !cleared[at] ? range.shade(maps.before[at]) : exposed ? kExposed : kCleared);
+            put(0, x, y, relief.shade(maps.redrawn[at], x, y));
+            put(1, x, y, !cleared[at] ? relief.shade(maps.before[at], x, y) : exposed ? kExposed : kCleared);
             if (!drawn)
                 put(2, x, y, kUntouched);
             else if (!cleared[at])
-                put(2, x, y, range.shade(maps.after[at]));
+                put(2, x, y, relief.shade(maps.after[at], x, y));
             else
                 put(2, x, y,
-                    maps.after[at] < 1 ? range.shade(maps.after[at])
+                    maps.after[at] < 1 ? relief.shade(maps.after[at], x, y)
                                        : tinted(kUntouched, exposed ? kExposed : kCleared));
         }
     }

@@ -34,8 +34,8 @@ struct ScrollMaps {
 
 /// Three views in window order, each side x side, one under the other: the map drawn from scratch;
 /// what the frame kept, exposed slabs tinted orange and other cleared regions magenta; what the frame
-/// drew, which is every texel that is cleared or differs from before, the rest dark. Depth runs from
-/// white (nearest the sun) to dark gray over the depths that occur; empty texels are blue.
+/// drew, which is every texel that is cleared or differs from before, the rest dark. Gray is
+/// height toward the sun over the map's own trend, white the nearest; empty texels are blue.
 RgbImage scrollPicture(const ScrollMaps& maps);
 
 /// kIo names the file.

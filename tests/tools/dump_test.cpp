@@ -106,13 +106,24 @@ TEST(ScrollPicture, TintsWhatWasLostAndShowsWhatWasDrawn) {
             }
         }
     }
-    EXPECT_EQ(pixel(image, 0, 5, 5), (Rgb{255, 255, 255}));  // the nearest of all depths
 }
 
 TEST(ScrollPicture, AnEmptyMapHasNoDepthToStretch) {
     const std::vector<float> empty(64, 1.0f), flat(64, 0.5f);
     EXPECT_FALSE(isGray(pixel(tools::scrollPicture({8, {0, 0}, {0, 0}, empty, empty, empty, {}}), 0, 3, 3)));
     EXPECT_TRUE(isGray(pixel(tools::scrollPicture({8, {0, 0}, {0, 0}, flat, flat, flat, {}}), 0, 3, 3)));
+}
+
+TEST(ScrollPicture, WhatStandsOnTiltedGroundStandsOut) {
+    const int side = 32;
+    std::vector<float> ground(size_t(side) * size_t(side));
+    for (int y = 0; y < side; ++y)
+        for (int x = 0; x < side; ++x) ground[size_t(y * side + x)] = 0.2f + 0.01f * float(x + y);
+    for (int y = 10; y < 14; ++y)
+        for (int x = 10; x < 14; ++x) ground[size_t(y * side + x)] -= 0.005f;  // a hundredth of the slope's span
+    const RgbImage image = tools::scrollPicture({side, {0, 0}, {0, 0}, ground, ground, ground, {}});
+    EXPECT_GT(pixel(image, 0, 12, 12)[0], pixel(image, 0, 20, 12)[0] + 100);
+    EXPECT_NEAR(pixel(image, 0, 2, 2)[0], pixel(image, 0, 29, 29)[0], 20);
 }
 
 class Png : public testing::Test {
