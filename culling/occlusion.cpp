@@ -208,9 +208,7 @@ Occlusion::Attempt Occlusion::attempt(world::CasterId caster, int cascade) const
 }
 
 CertifyCosts Occlusion::admit(int cascade, std::span<const world::CasterId> casters) {
-    std::vector<world::CasterId> fresh;
-    for (world::CasterId id : casters)
-        if (scenes_->add(cascade, id)) fresh.push_back(id);
+    const std::vector<world::CasterId> fresh = scenes_->add(cascade, casters);
     if (fresh.empty()) return {};
     scenes_->commit(cascade);
     std::vector<Attempt> attempts(fresh.size());

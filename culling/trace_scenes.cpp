@@ -1,6 +1,7 @@
 #include "culling/trace_scenes.h"
 
 #include <embree3/rtcore.h>
+#include <tbb/parallel_for.h>
 
 #include <cmath>
 #include <cstring>
@@ -30,7 +31,7 @@ struct TraceScenes::Impl {
         for (RTCScene scene : scenes) rtcReleaseScene(scene);
         if (device) rtcReleaseDevice(device);
     }
-    Shape& shape(world::MeshSlot slot, int level);
+    void build(Shape& shape, const world::MeshLevel& mesh) const;
 
     const world::CasterTable& table;
     const LightCasters& light;
@@ -42,10 +43,7 @@ struct TraceScenes::Impl {
     std::vector<uint8_t> changed;  ///< per cascade
 };
 
-Shape& TraceScenes::Impl::shape(world::MeshSlot slot, int level) {
-    Shape& shape = shapes[{slot, level}];
-    if (shape.scene) return shape;
-    const world::MeshLevel& mesh = table.mesh(slot).mesh->levels[static_cast<size_t>(level)];
+void TraceScenes::Impl::build(Shape& shape, const world::MeshLevel& mesh) const {
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
     // Embree's own buffers: it reads 16 bytes at the last vertex, which a shared vector may not have.
     void* vertices = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
@@ -60,7 +58,6 @@ Shape& TraceScenes::Impl::shape(world::MeshSlot slot, int level) {
     rtcAttachGeometry(shape.scene, geometry);
     rtcReleaseGeometry(geometry);
     rtcCommitScene(shape.scene);
-    return shape;
 }
 
 TraceScenes::TraceScenes(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -85,32 +82,45 @@ world::Result<std::unique_ptr<TraceScenes>> TraceScenes::create(const world::Cas
     return std::unique_ptr<TraceScenes>(new TraceScenes(std::move(impl)));
 }
 
-bool TraceScenes::add(int cascade, world::CasterId caster) {
+std::vector<world::CasterId> TraceScenes::add(int cascade, std::span<const world::CasterId> casters) {
     Impl& s = *impl_;
     const auto c = static_cast<size_t>(cascade);
-    if (s.members[c].size() <= caster) s.members[c].resize(caster + 1, Membership::kOut);
-    if (s.members[c][caster] != Membership::kOut) return false;
-    s.members[c][caster] = Membership::kUnseen;
-    const LightCaster& placed = s.light[caster];
-    const glm::dmat3& m = placed.lightFromMesh;
-    const double volume = std::abs(glm::determinant(m));
-    if (!(volume > 1e-9 * glm::length(m[0]) * glm::length(m[1]) * glm::length(m[2]))) return true;
-    const glm::vec3 shift(placed.origin - s.anchor);
-    float xfm[12];
-    for (int column = 0; column < 3; ++column)
-        for (int row = 0; row < 3; ++row) xfm[3 * column + row] = static_cast<float>(m[column][row]);
-    for (int row = 0; row < 3; ++row) xfm[9 + row] = shift[row];
-    Shape& shape = s.shape(s.table[caster].mesh, s.light.level(caster, cascade));
-    RTCGeometry instance = rtcNewGeometry(s.device, RTC_GEOMETRY_TYPE_INSTANCE);
-    rtcSetGeometryInstancedScene(instance, shape.scene);
-    rtcSetGeometryTransform(instance, 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, xfm);
-    rtcCommitGeometry(instance);
-    rtcAttachGeometryByID(s.scenes[c], instance, caster);
-    rtcReleaseGeometry(instance);
-    ++shape.users;
-    s.members[c][caster] = Membership::kIn;
-    s.changed[c] = 1;
-    return true;
+    std::vector<Membership>& members = s.members[c];
+    std::vector<world::CasterId> fresh;
+    std::vector<std::pair<Shape*, const world::MeshLevel*>> unbuilt;
+    for (world::CasterId caster : casters) {
+        if (members.size() <= caster) members.resize(caster + 1, Membership::kOut);
+        if (members[caster] != Membership::kOut) continue;
+        members[caster] = Membership::kUnseen;
+        fresh.push_back(caster);
+        const int level = s.light.level(caster, cascade);
+        const auto [shape, isNew] = s.shapes.try_emplace({s.table[caster].mesh, level});
+        if (isNew) unbuilt.emplace_back(&shape->second, &s.table.meshOf(caster).levels[static_cast<size_t>(level)]);
+    }
+    // Building the shapes takes most of the time of an arrival.
+    tbb::parallel_for(size_t(0), unbuilt.size(), [&](size_t i) { s.build(*unbuilt[i].first, *unbuilt[i].second); });
+    for (world::CasterId caster : fresh) {
+        const LightCaster& placed = s.light[caster];
+        const glm::dmat3& m = placed.lightFromMesh;
+        const double volume = std::abs(glm::determinant(m));
+        if (!(volume > 1e-9 * glm::length(m[0]) * glm::length(m[1]) * glm::length(m[2]))) continue;
+        const glm::vec3 shift(placed.origin - s.anchor);
+        float xfm[12];
+        for (int column = 0; column < 3; ++column)
+            for (int row = 0; row < 3; ++row) xfm[3 * column + row] = static_cast<float>(m[column][row]);
+        for (int row = 0; row < 3; ++row) xfm[9 + row] = shift[row];
+        Shape& shape = s.shapes.at({s.table[caster].mesh, s.light.level(caster, cascade)});
+        RTCGeometry instance = rtcNewGeometry(s.device, RTC_GEOMETRY_TYPE_INSTANCE);
+        rtcSetGeometryInstancedScene(instance, shape.scene);
+        rtcSetGeometryTransform(instance, 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, xfm);
+        rtcCommitGeometry(instance);
+        rtcAttachGeometryByID(s.scenes[c], instance, caster);
+        rtcReleaseGeometry(instance);
+        ++shape.users;
+        members[caster] = Membership::kIn;
+        s.changed[c] = 1;
+    }
+    return fresh;
 }
 
 void TraceScenes::remove(world::CasterId caster) {

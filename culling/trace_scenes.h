@@ -30,9 +30,9 @@ public:
                                                              const LightCasters& light, glm::dvec3 anchor);
     ~TraceScenes();
 
-    /// Adds a caster to a cascade's scene; false if it is there already.
+    /// Adds casters to a cascade's scene and returns those that were not there yet, in order.
     /// Flat or otherwise uninvertible placements are never hit: they prove nothing.
-    bool add(int cascade, world::CasterId caster);
+    std::vector<world::CasterId> add(int cascade, std::span<const world::CasterId> casters);
     /// Takes it out of every scene that has it.
     void remove(world::CasterId caster);
     void forgetMesh(world::MeshSlot slot);
