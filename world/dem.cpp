@@ -247,7 +247,7 @@ Result<Lattice> latticeFor(const DemOptions& options, double posting) {
 
 Result<BakeSource> openDem(const std::string& path, const DemOptions& options) {
     VSIStatBufL status;
-    if (VSIStatL(path.c_str(), &status) != 0) return Error{ErrorCode::kNotFound, path + ": no such file"};
+    if (VSIStatL(path.c_str(), &status) != 0) return Error{ErrorCode::kNotFound, path + ": no such file; check the name"};
     GDALAllRegister();
     const GdalErrors errors;
     const std::unique_ptr<GDALDataset> data(

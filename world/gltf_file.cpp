@@ -32,7 +32,7 @@ Result<Bytes> readWhole(const fs::path& path) {
     std::error_code failed;
     const fs::file_status status = fs::status(path, failed);
     if (status.type() == fs::file_type::not_found)
-        return Error{ErrorCode::kNotFound, "no such file: " + path.string()};
+        return Error{ErrorCode::kNotFound, path.string() + ": no such file; check the name"};
     if (!fs::is_regular_file(status)) return bad(path.string() + ": not a regular file");
     const uint64_t size = fs::file_size(path, failed);
     if (failed) return Error{ErrorCode::kIo, path.string() + ": " + failed.message(), failed.value()};

@@ -29,7 +29,7 @@ struct MeshLevel {
 /// A shape that casters share. At least one level, finest first, errors ascending.
 struct Mesh {
     std::vector<MeshLevel> levels;
-    Box bounds;  ///< of level 0, own frame [m]
+    Box bounds;  ///< of all levels, own frame [m]
 };
 
 /// Where a mesh stands: pWorld = linear * pMesh + translation. Any invertible or flat linear part,

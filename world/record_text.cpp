@@ -23,7 +23,7 @@ RecordLines::RecordLines(std::string path, std::ifstream in)
 
 Result<RecordLines> RecordLines::open(const std::string& path) {
     std::error_code failed;
-    if (!std::filesystem::exists(path, failed)) return Error{ErrorCode::kNotFound, "no such file: " + path};
+    if (!std::filesystem::exists(path, failed)) return Error{ErrorCode::kNotFound, path + ": no such file; check the name"};
     if (std::filesystem::is_directory(path, failed))
         return Error{ErrorCode::kBadData, path + ": is a folder"};
     std::ifstream in(path, std::ios::binary);

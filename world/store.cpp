@@ -49,7 +49,7 @@ Error newer(const std::string& path, uint32_t version) {
 /// Source: "Database File Format", sqlite.org, section 1.3.
 Result<Done> screen(const std::string& path) {
     std::error_code problem;
-    if (!std::filesystem::exists(path, problem)) return Error{ErrorCode::kNotFound, path + ": no such file"};
+    if (!std::filesystem::exists(path, problem)) return Error{ErrorCode::kNotFound, path + ": no such file; check the name"};
     if (!std::filesystem::is_regular_file(path, problem))
         return bad(path, "is not a file: name a world that 'bake' wrote");
     const uint64_t size = std::filesystem::file_size(path, problem);
@@ -237,7 +237,7 @@ Result<WorldStore> WorldStore::open(const std::string& path) {
     impl->path = path;
     impl->absolute = std::filesystem::absolute(path).string();
     const std::optional<FileIdentity> identity = identify(impl->absolute);
-    if (!identity) return Error{ErrorCode::kNotFound, path + ": no such file"};
+    if (!identity) return Error{ErrorCode::kNotFound, path + ": no such file; check the name"};
     impl->identity = *identity;
 
     const BlobKey headerKey{.kind = BlobKind::kHeader}, directoryKey{.kind = BlobKind::kDirectory},

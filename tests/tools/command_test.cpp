@@ -188,25 +188,29 @@ TEST_F(Commands, AReplayWritesAllItsResults) {
         EXPECT_TRUE(files().contains(name)) << name;
 
     // Another number of threads and another run: all but the times are equal.
-    const Outcome second = gnomon(small + " --verify --threads 1 --out second");
-    ASSERT_EQ(second.status, 0) << second.text;
-    std::ifstream a(folder_ / "small.replay/frames.csv"), b(folder_ / "second/frames.csv");
-    std::string lineA, lineB;
-    std::getline(a, lineA);
-    const size_t noisy = size_t(std::count(lineA.begin(), lineA.begin() + ptrdiff_t(lineA.find(",t_")), ','));
-    const auto deterministic = [&](const std::string& line) {
-        size_t end = 0;
-        for (size_t k = 0; k <= noisy; ++k) end = line.find(',', end + 1);
-        return line.substr(0, end);
-    };
-    size_t rows = 0;
-    std::getline(b, lineB);
-    while (std::getline(a, lineA)) {
-        ASSERT_TRUE(std::getline(b, lineB));
-        EXPECT_EQ(deterministic(lineA), deterministic(lineB));
-        ++rows;
+    for (const std::string threads : {"1", "2", "5"}) {
+        const Outcome second = gnomon(small + " --verify --threads " + threads + " --out second" + threads);
+        ASSERT_EQ(second.status, 0) << second.text;
+        std::ifstream a(folder_ / "small.replay/frames.csv"),
+            b(folder_ / ("second" + threads) / "frames.csv");
+        std::string lineA, lineB;
+        std::getline(a, lineA);
+        const size_t noisy =
+            size_t(std::count(lineA.begin(), lineA.begin() + ptrdiff_t(lineA.find(",t_")), ','));
+        const auto deterministic = [&](const std::string& line) {
+            size_t end = 0;
+            for (size_t k = 0; k <= noisy; ++k) end = line.find(',', end + 1);
+            return line.substr(0, end);
+        };
+        size_t rows = 0;
+        std::getline(b, lineB);
+        while (std::getline(a, lineA)) {
+            ASSERT_TRUE(std::getline(b, lineB));
+            EXPECT_EQ(deterministic(lineA), deterministic(lineB));
+            ++rows;
+        }
+        EXPECT_EQ(rows, 8u);
     }
-    EXPECT_EQ(rows, 8u);
 }
 
 }  // namespace
