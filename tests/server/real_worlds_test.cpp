@@ -1,5 +1,6 @@
 // Real worlds and recorded paths: exact, and each deliberate defect seen there.
 #include <filesystem>
+#include <optional>
 
 #include "culling/light_space.h"
 #include "tests/server/worlds.h"
@@ -91,38 +92,31 @@ class GameWorld : public ::testing::TestWithParam<const char*> {
 protected:
     void SetUp() override {
         if (!fs::exists(kData)) GTEST_SKIP() << "no ../shared";
+        const std::string name = GetParam(), folder = kData + "stk/" + name;
+        store_.emplace(tests::baked(world::openGltf(folder + "/world.glb", {}).value(), name + ".world"));
+        path_ = world::readTum(folder + (name == "candela_city" ? "/paths/standard_expert_candela_city.tum"
+                                                                : "/paths/challenge_cocoa_temple_novice.tum"))
+                    .value();
+        tracks_ = world::readMovers(folder + "/movers.csv").value();
     }
+    std::optional<world::WorldStore> store_;
+    std::vector<world::Pose> path_;
+    std::vector<world::MoverTrack> tracks_;
 };
 
 TEST_P(GameWorld, IsExactAroundARecordedJump) {
-    const std::string name = GetParam();
-    const std::string folder = kData + "stk/" + name;
-    const world::WorldStore store =
-        tests::baked(world::openGltf(folder + "/world.glb", {}).value(), name + ".world");
-    const std::string file = name == "candela_city" ? "/paths/standard_expert_candela_city.tum"
-                                                    : "/paths/challenge_cocoa_temple_novice.tum";
-    const auto path = world::readTum(folder + file).value();
-    const auto tracks = world::readMovers(folder + "/movers.csv").value();
-    const size_t jump = longestStep(path);
-    EXPECT_GT(expectExact(store, quick(), path, tracks, jump - 10, jump + 10, 2), 0u);
+    const size_t jump = longestStep(path_);
+    EXPECT_GT(expectExact(*store_, quick(), path_, tracks_, jump - 10, jump + 10, 2), 0u);
 }
 
 TEST_P(GameWorld, ShowsEachDefect) {
-    const std::string name = GetParam();
-    const std::string folder = kData + "stk/" + name;
-    const world::WorldStore store =
-        tests::baked(world::openGltf(folder + "/world.glb", {}).value(), name + ".world");
-    const std::string file = name == "candela_city" ? "/paths/standard_expert_candela_city.tum"
-                                                    : "/paths/challenge_cocoa_temple_novice.tum";
-    const auto path = world::readTum(folder + file).value();
     // The recorded movers are few and hide nothing: every seventh named caster leaves, a few a frame.
     for (const auto sabotage : {cache::Sabotage::kLiteralScroll, cache::Sabotage::kDeafDeparture,
                                 cache::Sabotage::kStickyCertificate}) {
         ShadowConfig config = quick();
         config.sabotage = sabotage;
-        auto system = ShadowSystem::create(tests::validatedDevice(), store, config).value().release();
-        const std::unique_ptr<ShadowSystem> owner(system);
-        const auto names = store.names().value();
+        const auto system = std::move(ShadowSystem::create(tests::validatedDevice(), *store_, config).value());
+        const auto names = store_->names().value();
         std::vector<server::ObjectId> objects;
         for (size_t i = 0; i < names.size(); i += 7) objects.push_back(system->adopt(names[i].name).value());
         bool caught = false;
@@ -132,12 +126,12 @@ TEST_P(GameWorld, ShowsEachDefect) {
                 updates.push_back({objects[i], system->restPlacement(objects[i])});
                 updates.back().placement.translation.y += 1000;  // away
             }
-            const world::Pose& pose = path[100 + 2 * frame];
+            const world::Pose& pose = path_[100 + 2 * frame];
             const auto report = system->advance({pose.time, {pose.position, pose.orientation}, updates});
             ASSERT_TRUE(report) << report.error().what;
             if (frame % 4 == 3) caught = system->verify().value().differing > 0;
         }
-        EXPECT_TRUE(caught) << name << ", sabotage " << int(sabotage);
+        EXPECT_TRUE(caught) << GetParam() << ", sabotage " << int(sabotage);
     }
 }
 
