@@ -57,12 +57,6 @@ TexelRect ShadowCache::windowAround(int cascade, glm::dvec2 eye) const {
     return lattice.window(lattice.windowAt(eye));
 }
 
-bool ShadowCache::atRest(glm::dvec2 eye) const {
-    for (size_t c = 0; c < states_.size(); ++c)
-        if (!states_[c].drawn || windowAround(int(c), eye) != states_[c].window) return false;
-    return true;
-}
-
 void ShadowCache::forget() {
     for (State& state : states_) state.drawn = false;
 }

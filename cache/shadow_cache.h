@@ -74,8 +74,6 @@ public:
 
     /// Window of each cascade around an eye [light-space x, y in metres], before any plan for it.
     TexelRect windowAround(int cascade, glm::dvec2 eye) const;
-    /// True if `eye` moves no window.
-    bool atRest(glm::dvec2 eye) const;
 
     /// Plans the frame: afterwards the cache maps hold all static casters within the windows around
     /// `eye`, and the working maps the active ones as well.

@@ -73,7 +73,6 @@ public:
     cache::Scene view(bool hide) const;
     const world::CasterTable& casters() const { return table_; }
     const culling::LightCasters& light() const { return light_; }
-    size_t certificates() const { return occlusion_ ? occlusion_->certificates() : 0; }
 
 private:
     struct Object {

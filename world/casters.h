@@ -54,7 +54,6 @@ public:
     void removeMesh(MeshSlot slot);  ///< no caster may use it any more
     MeshEntry& mesh(MeshSlot slot) { return meshes_[slot]; }
     const MeshEntry& mesh(MeshSlot slot) const { return meshes_[slot]; }
-    size_t meshSlots() const { return meshes_.size(); }
 
     CasterId add(MeshSlot mesh, const Placement& placement, CasterState state, CasterOrigin origin);
     void remove(CasterId id);

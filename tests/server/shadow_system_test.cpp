@@ -4,6 +4,7 @@
 
 #include <tbb/global_control.h>
 
+#include <array>
 #include <random>
 
 #include "tests/server/worlds.h"
@@ -104,6 +105,69 @@ TEST(ShadowSystem, EveryFrameEqualsARedrawFromScratch) {
         EXPECT_GT(promotions, 0u);
     }
     tests::expectSilence();
+}
+
+/// Whether a ray from `p` toward the sun meets any triangle of the world's finest level.
+bool shadowed(const std::vector<std::array<glm::dvec3, 3>>& triangles, glm::dvec3 p, glm::dvec3 toSun) {
+    for (const auto& t : triangles) {
+        const glm::dvec3 u = t[1] - t[0], v = t[2] - t[0], n = glm::cross(toSun, v);
+        const double det = glm::dot(u, n);
+        if (std::abs(det) < 1e-12) continue;
+        const glm::dvec3 s = p - t[0], q = glm::cross(s, u);
+        const double a = glm::dot(s, n) / det, b = glm::dot(toSun, q) / det;
+        if (a >= 0 && b >= 0 && a + b <= 1 && glm::dot(v, q) / det > 0.05) return true;
+    }
+    return false;
+}
+
+TEST(ShadowSystem, MapsAnswerLikeRays) {
+    const auto system = make(nearWorld(), small());
+    const glm::dvec3 eye(3, 2, 1);
+    ASSERT_TRUE(system->advance({0, {eye, {1, 0, 0, 0}}, {}}));
+    std::vector<std::array<glm::dvec3, 3>> triangles;
+    for (const world::ChunkRecord& record : nearWorld().chunks()) {
+        const world::Chunk chunk = nearWorld().readChunk(record.key).value();
+        for (const world::Instance& instance : chunk.instances) {
+            const world::Mesh mesh = nearWorld().readMesh(instance.mesh).value();
+            const world::MeshLevel& level = mesh.levels[0];
+            for (size_t i = 0; i < level.indices.size(); i += 3) {
+                std::array<glm::dvec3, 3> t;
+                for (size_t k = 0; k < 3; ++k)
+                    t[k] = glm::dmat3(instance.placement.linear) * glm::dvec3(level.positions[level.indices[i + k]]) +
+                           instance.placement.translation;
+                triangles.push_back(t);
+            }
+        }
+    }
+    std::mt19937 rng(3);
+    int lit = 0, dark = 0;
+    for (int c = 0; c < system->cascades(); ++c) {
+        const server::CascadeView view = system->view(c);
+        const std::vector<float> map = system->readMap(c, gpu::MapKind::kWorking).value();
+        const int64_t side = small().side;
+        for (int step = 0; step < 150; ++step) {
+            const auto uniform = [&rng](double a, double b) { return a + (b - a) * double(rng()) / 4294967295.0; };
+            const double reach = view.split * 0.7;
+            const glm::dvec3 p(eye.x + uniform(-reach, reach), 0.02, eye.z + uniform(-reach, reach));
+            const glm::dvec3 pLight = view.lightFromWorld * p;
+            const cache::Texel at(glm::floor(glm::dvec2(pLight) / view.texel));
+            ASSERT_TRUE((cache::TexelRect{view.window, view.window + side}.contains({at, at + int64_t(1)})));
+            // Texels at a shadow's edge may answer either way: compare where their neighbours agree.
+            int near = 0;
+            for (int64_t y = -1; y <= 1; ++y)
+                for (int64_t x = -1; x <= 1; ++x) {
+                    const cache::Texel slot = (((at + cache::Texel(x, y)) % side) + side) % side;
+                    // Bias: the ground itself lies 0.02 m below and slopes by a texel across the map.
+                    const double depth = view.depthNear + double(map[size_t(slot.y * side + slot.x)]) * view.depthRange;
+                    near += depth < pLight.z - 0.05 - 2 * view.texel;
+                }
+            if (near != 0 && near != 9) continue;
+            ASSERT_EQ(near == 9, shadowed(triangles, p, -system->config().sun)) << "cascade " << c << ", step " << step;
+            ++(near == 9 ? dark : lit);
+        }
+    }
+    EXPECT_GT(lit, 50);
+    EXPECT_GT(dark, 20);
 }
 
 TEST(ShadowSystem, EachDefectIsSeen) {
