@@ -94,7 +94,7 @@ Result<std::unique_ptr<ShadowMaps>> ShadowMaps::create(Device& device, const Sha
     if (static_cast<uint32_t>(config.side) > d.maxSide)
         return Error{ErrorCode::kLimit, "shadow maps of " + std::to_string(config.side) +
                                             " texels a side: '" + d.name + "' draws at most " +
-                                            std::to_string(d.maxSide) + "; lower --side"};
+                                            std::to_string(d.maxSide) + "; lower --resolution"};
     const uint64_t units = std::max<uint64_t>(1, config.geometryBytes / kUnitBytes);
     const uint64_t mostUnits = std::min(kMostUnits, d.maxAllocationBytes / kUnitBytes);
     if (units > mostUnits)

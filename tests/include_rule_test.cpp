@@ -6,7 +6,6 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
-#include <regex>
 #include <set>
 #include <string>
 #include <vector>
@@ -65,8 +64,20 @@ std::string finding(const Include& include) {
     return folder + " may not include \"" + include.target + "\"";
 }
 
+/// What a line includes, between its quotes or angle brackets; empty if it includes nothing.
+std::string targetOf(const std::string& line) {
+    const auto skipBlanks = [&line](size_t at) { return std::min(line.find_first_not_of(" \t", at), line.size()); };
+    size_t at = skipBlanks(0);
+    if (line.compare(at, 1, "#") != 0) return {};
+    at = skipBlanks(at + 1);
+    if (line.compare(at, 7, "include") != 0) return {};
+    const size_t open = line.find_first_of("<\"", at);
+    if (open == std::string::npos) return {};
+    const size_t close = line.find_first_of(">\"", open + 1);
+    return close == std::string::npos ? std::string() : line.substr(open + 1, close - open - 1);
+}
+
 std::vector<Include> includesOf(const fs::path& root) {
-    const std::regex pattern("^\\s*#\\s*include\\s*([<\"])([^>\"]+)[>\"].*");
     std::vector<Include> includes;
     for (const std::string& folder : kFolders) {
         for (const auto& entry : fs::recursive_directory_iterator(root / folder)) {
@@ -75,11 +86,10 @@ std::vector<Include> includesOf(const fs::path& root) {
             std::ifstream file(entry.path());
             std::string text;
             for (int line = 1; std::getline(file, text); ++line) {
-                std::smatch match;
-                if (text.find("include") == std::string::npos || !std::regex_match(text, match, pattern))
-                    continue;
-                includes.push_back({entry.path().lexically_relative(root).generic_string(), line, match[2],
-                                    match[1] == "\""});
+                const std::string target = targetOf(text);
+                if (target.empty()) continue;
+                includes.push_back({entry.path().lexically_relative(root).generic_string(), line, target,
+                                    text.find('"') != std::string::npos});
             }
         }
     }

@@ -413,7 +413,7 @@ TEST_F(Maps, LimitsAreNamedWithTheirRemedy) {
         ShadowMaps::create(*device, {.cascades = 1, .side = 1 << 20, .geometryBytes = 1 << 20});
     ASSERT_FALSE(tooLarge);
     EXPECT_EQ(tooLarge.error().code, world::ErrorCode::kLimit);
-    EXPECT_NE(tooLarge.error().what.find("lower --side"), std::string::npos) << tooLarge.error().what;
+    EXPECT_NE(tooLarge.error().what.find("lower --resolution"), std::string::npos) << tooLarge.error().what;
     const auto tooMuch =
         ShadowMaps::create(*device, {.cascades = 1, .side = 16, .geometryBytes = 1ull << 42});
     ASSERT_FALSE(tooMuch);
