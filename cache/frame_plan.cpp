@@ -25,6 +25,7 @@ uint64_t FramePlan::hash() const {
     add(transforms);
     add(items);
     for (const CascadePlan& c : cascades) {
+        add(c.unknowns);
         add(c.clears);
         add(c.staticPasses);
         add(c.restores);

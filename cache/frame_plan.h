@@ -14,6 +14,13 @@ struct StoreRect {
     friend bool operator==(const StoreRect&, const StoreRect&) = default;
 };
 
+/// Depths as maps store them. Casters leave kNearestDepth + (1 - kNearestDepth) * d, where d in [0, 1]
+/// is the clamped depth row of their transform: kNearestDepth is the least of them, and exactly one
+/// unit of a 16-bit map. The depth test is LESS, so nothing drawn over an unknown texel changes it.
+constexpr float kUnknownDepth = 0;  ///< nothing was drawn here yet
+constexpr float kNearestDepth = 1.0f / 65535;
+constexpr float kEmptyDepth = 1;  ///< known to hold no caster
+
 /// Geometry as `gpu` knows it: the number that `ShadowMaps::upload` gave out for one mesh level.
 using GeometryId = uint32_t;
 
@@ -33,23 +40,26 @@ struct DrawPass {
     friend bool operator==(const DrawPass&, const DrawPass&) = default;
 };
 
-/// What happens to one cascade's two maps, in this order: clear rectangles of the cache map to 1;
-/// draw static passes into the cache map; copy rectangles of the cache map over the working map;
-/// draw active passes into the working map. All lists empty: nothing is submitted for the cascade.
+/// What happens to one cascade's two maps, in this order: set rectangles of the cache map to
+/// kUnknownDepth; clear rectangles of it to kEmptyDepth; draw static passes into the cache map; copy
+/// rectangles of the cache map over the working map; draw active passes into the working map. All
+/// lists empty: nothing is submitted for the cascade.
 struct CascadePlan {
+    std::vector<StoreRect> unknowns;
     std::vector<StoreRect> clears;
     std::vector<DrawPass> staticPasses;
     std::vector<StoreRect> restores;
     std::vector<DrawPass> activePasses;
 
     bool idle() const {
-        return clears.empty() && staticPasses.empty() && restores.empty() && activePasses.empty();
+        return unknowns.empty() && clears.empty() && staticPasses.empty() && restores.empty() &&
+               activePasses.empty();
     }
 };
 
-/// One frame. Depth test is LESS, both faces are drawn, depth is clamped to [0, 1], and every draw
-/// uses the viewport (0, 0, side, side) whatever its scissor: only so is a strip drawn today equal
-/// in every bit to the same strip of a whole redraw.
+/// One frame. Depth test is LESS, both faces are drawn, and every draw uses the viewport
+/// (0, 0, side, side) with depths clamped to [kNearestDepth, 1], whatever its scissor: only so is a
+/// strip drawn today equal in every bit to the same strip of a whole redraw.
 struct FramePlan {
     /// Rows x, y, depth of the affine map from a mesh's own frame to clip space (w = 1):
     /// clip = vec3(dot(m[0], v1), dot(m[1], v1), dot(m[2], v1)) with v1 = (v, 1).

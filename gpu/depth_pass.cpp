@@ -95,7 +95,8 @@ Result<Done> DepthPass::makePipeline() {
     assembly.sType = VK_STRUCTURE_TYPE_PIPELINE_INPUT_ASSEMBLY_STATE_CREATE_INFO;
     assembly.topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
 
-    const VkViewport wholeMap{0, 0, static_cast<float>(side_), static_cast<float>(side_), 0, 1};
+    const VkViewport wholeMap{0, 0, static_cast<float>(side_), static_cast<float>(side_),
+                              cache::kNearestDepth, 1};
     VkPipelineViewportStateCreateInfo viewport{};
     viewport.sType = VK_STRUCTURE_TYPE_PIPELINE_VIEWPORT_STATE_CREATE_INFO;
     viewport.viewportCount = 1;
@@ -163,7 +164,7 @@ void DepthPass::begin(VkCommandBuffer commands, const Image& map, VkAttachmentLo
     attachment.imageLayout = kAttachmentLayout;
     attachment.loadOp = load;
     attachment.storeOp = VK_ATTACHMENT_STORE_OP_STORE;
-    attachment.clearValue.depthStencil = {1, 0};
+    attachment.clearValue.depthStencil = {cache::kEmptyDepth, 0};
     VkRenderingInfo info{};
     info.sType = VK_STRUCTURE_TYPE_RENDERING_INFO;
     info.renderArea = {{0, 0}, {side_, side_}};
@@ -177,20 +178,21 @@ void DepthPass::recordNew(VkCommandBuffer commands, const Image& map) const {
     vkCmdEndRendering(commands);
 }
 
-void DepthPass::record(VkCommandBuffer commands, const Image& map, std::span<const cache::StoreRect> clears,
-                       std::span<const Draws> draws, const Buffers& buffers) {
-    begin(commands, map, VK_ATTACHMENT_LOAD_OP_LOAD);
-    clearRects_.clear();
-    for (const cache::StoreRect& rect : clears)
-        if (!empty(rect)) clearRects_.push_back({toVulkan(rect), 0, 1});
-    if (!clearRects_.empty()) {
-        VkClearAttachment clear{};
-        clear.aspectMask = VK_IMAGE_ASPECT_DEPTH_BIT;
-        clear.clearValue.depthStencil = {1, 0};
-        vkCmdClearAttachments(commands, 1, &clear, static_cast<uint32_t>(clearRects_.size()),
-                              clearRects_.data());
-    }
+void DepthPass::fill(VkCommandBuffer commands, std::span<const cache::StoreRect> rects, float depth) {
+    fillRects_.clear();
+    for (const cache::StoreRect& rect : rects)
+        if (!empty(rect)) fillRects_.push_back({toVulkan(rect), 0, 1});
+    if (fillRects_.empty()) return;
+    VkClearAttachment clear{};
+    clear.aspectMask = VK_IMAGE_ASPECT_DEPTH_BIT;
+    clear.clearValue.depthStencil = {depth, 0};
+    vkCmdClearAttachments(commands, 1, &clear, static_cast<uint32_t>(fillRects_.size()), fillRects_.data());
+}
 
+void DepthPass::record(VkCommandBuffer commands, const Image& map, const Work& work, const Buffers& buffers) {
+    begin(commands, map, VK_ATTACHMENT_LOAD_OP_LOAD);
+    fill(commands, work.unknowns, cache::kUnknownDepth);
+    fill(commands, work.clears, cache::kEmptyDepth);
     vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline_.raw());
     vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, layout_.raw(), 0, 1, &set_, 0,
                             nullptr);
@@ -199,7 +201,7 @@ void DepthPass::record(VkCommandBuffer commands, const Image& map, std::span<con
     vkCmdBindVertexBuffers(commands, 0, 1, &geometry, &start);
     vkCmdBindIndexBuffer(commands, geometry, 0, VK_INDEX_TYPE_UINT32);
     constexpr uint32_t kStride = sizeof(VkDrawIndexedIndirectCommand);
-    for (const Draws& pass : draws) {
+    for (const Draws& pass : work.draws) {
         if (empty(pass.scissor) || pass.run.count == 0) continue;
         const VkRect2D scissor = toVulkan(pass.scissor);
         vkCmdSetScissor(commands, 0, 1, &scissor);

@@ -11,14 +11,20 @@
 
 namespace gpu {
 
-/// Depth test LESS, both faces, depth clamped to [0, 1], viewport (0, 0, side, side). Since only the
-/// scissor ever changes, what a triangle leaves in a texel does not depend on the pass that drew it.
+/// Depth test LESS, both faces, viewport (0, 0, side, side), depth [0, 1] mapped and clamped to
+/// [kNearestDepth, 1]. Since only the scissor ever changes, what a triangle leaves in a texel does not
+/// depend on the pass that drew it.
 class DepthPass {
 public:
     /// Draws that share a scissor.
     struct Draws {
         cache::StoreRect scissor;
         DrawRun run;
+    };
+    /// What happens to one map, in this order. Empty rectangles and runs do nothing.
+    struct Work {
+        std::span<const cache::StoreRect> unknowns, clears;  ///< set to kUnknownDepth, to kEmptyDepth
+        std::span<const Draws> draws;
     };
     struct Buffers {
         const Buffer& geometry;  ///< positions and indices
@@ -31,11 +37,9 @@ public:
     /// that draws may be under way.
     void bind(const Buffer& transforms, const Buffer& instances);
 
-    /// Clears rectangles to 1, then draws. Empty rectangles and runs do nothing. The map is in
-    /// kAttachmentLayout. Never submits, waits or allocates.
-    void record(VkCommandBuffer commands, const Image& map, std::span<const cache::StoreRect> clears,
-                std::span<const Draws> draws, const Buffers& buffers);
-    /// Clears the whole of a map that holds nothing yet.
+    /// The map is in kAttachmentLayout. Never submits, waits or allocates.
+    void record(VkCommandBuffer commands, const Image& map, const Work& work, const Buffers& buffers);
+    /// Clears the whole of a map that holds nothing yet to kEmptyDepth.
     void recordNew(VkCommandBuffer commands, const Image& map) const;
 
 private:
@@ -43,6 +47,7 @@ private:
     world::Result<world::Done> makeInputs();
     world::Result<world::Done> makePipeline();
     void begin(VkCommandBuffer commands, const Image& map, VkAttachmentLoadOp load) const;
+    void fill(VkCommandBuffer commands, std::span<const cache::StoreRect> rects, float depth);
 
     Device::Impl* device_;
     uint32_t side_;
@@ -51,7 +56,7 @@ private:
     VkDescriptorSet set_ = VK_NULL_HANDLE;  ///< freed with its pool
     PipelineLayoutHandle layout_;
     PipelineHandle pipeline_;
-    std::vector<VkClearRect> clearRects_;  ///< kept for its memory
+    std::vector<VkClearRect> fillRects_;  ///< kept for its memory
 };
 
 }  // namespace gpu

@@ -53,7 +53,9 @@ struct CascadeWork {
 
 std::string mebibytes(uint64_t bytes) { return std::to_string((bytes + (1 << 20) - 1) >> 20) + " MiB"; }
 
-bool drawsStatic(const CascadePlan& plan) { return !plan.clears.empty() || !plan.staticPasses.empty(); }
+bool drawsStatic(const CascadePlan& plan) {
+    return !plan.unknowns.empty() || !plan.clears.empty() || !plan.staticPasses.empty();
+}
 
 double msSince(std::chrono::steady_clock::time_point start) {
     return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
@@ -249,6 +251,7 @@ void ShadowMaps::Impl::check(const FramePlan& plan) const {
         return r.min.x >= 0 && r.min.y >= 0 && r.max.x <= config.side && r.max.y <= config.side;
     };
     for (const CascadePlan& cascade : plan.cascades) {
+        CHECK(std::all_of(cascade.unknowns.begin(), cascade.unknowns.end(), inMap));
         CHECK(std::all_of(cascade.clears.begin(), cascade.clears.end(), inMap));
         CHECK(std::all_of(cascade.restores.begin(), cascade.restores.end(), inMap));
         for (const auto* passes : {&cascade.staticPasses, &cascade.activePasses})
@@ -319,8 +322,8 @@ void ShadowMaps::Impl::record(VkCommandBuffer commandBuffer, const FramePlan& pl
     frame.barrier();
     for (size_t c = 0; c < count; ++c) {
         if (!drawsStatic(plan.cascades[c])) continue;
-        pass.record(commandBuffer, target[c].cacheMap.image, plan.cascades[c].clears, work[c].staticDraws,
-                    buffers);
+        pass.record(commandBuffer, target[c].cacheMap.image,
+                    {plan.cascades[c].unknowns, plan.cascades[c].clears, work[c].staticDraws}, buffers);
         work[c].staticEnd = frame.stamp();
     }
     for (size_t c = 0; c < count; ++c) {
@@ -339,7 +342,7 @@ void ShadowMaps::Impl::record(VkCommandBuffer commandBuffer, const FramePlan& pl
     frame.barrier();
     for (size_t c = 0; c < count; ++c) {
         if (plan.cascades[c].activePasses.empty()) continue;
-        pass.record(commandBuffer, target[c].working.image, {}, work[c].activeDraws, buffers);
+        pass.record(commandBuffer, target[c].working.image, {{}, {}, work[c].activeDraws}, buffers);
         work[c].activeEnd = frame.stamp();
     }
 }

@@ -204,7 +204,9 @@ CascadeView ShadowSystem::view(int cascade) const {
     const Impl& s = *impl_;
     const culling::Cascade& c = s.cascades[size_t(cascade)];
     const cache::CacheConfig& config = s.shadows.config();
-    return {c.texel, c.split, s.shadows.window(cascade).min, config.depthNear, config.depthRange,
+    // Stored depths of casters begin at kNearestDepth.
+    const double range = config.depthRange / (1.0 - cache::kNearestDepth);
+    return {c.texel, c.split, s.shadows.window(cascade).min, config.depthNear - cache::kNearestDepth * range, range,
             s.space.lightFromWorld};
 }
 

@@ -101,7 +101,7 @@ struct CascadeView {
     double texel = 0;    ///< edge of a texel [m]
     double split = 0;    ///< distance from the eye that this cascade serves [m]
     cache::Texel window{0};  ///< low corner of the window; texel (i, j) is stored at (i mod side, j mod side)
-    double depthNear = 0, depthRange = 0;  ///< light-space z of depth 0, and metres per unit depth
+    double depthNear = 0, depthRange = 0;  ///< z of a caster [m] = depthNear + stored depth * depthRange
     glm::dmat3 lightFromWorld{1};
 };
 
