@@ -21,10 +21,10 @@ bool empty(const cache::StoreRect& rect) { return rect.max.x <= rect.min.x || re
 
 }  // namespace
 
-Result<DepthPass> DepthPass::create(Device::Impl& device, uint32_t side) {
+Result<DepthPass> DepthPass::create(Device::Impl& device, uint32_t side, DepthFormat format) {
     DepthPass pass(device, side);
     if (const auto made = pass.makeInputs(); !made) return made.error();
-    if (const auto made = pass.makePipeline(); !made) return made.error();
+    if (const auto made = pass.makePipeline(format); !made) return made.error();
     return pass;
 }
 
@@ -70,7 +70,7 @@ Result<Done> DepthPass::makeInputs() {
     return Done{};
 }
 
-Result<Done> DepthPass::makePipeline() {
+Result<Done> DepthPass::makePipeline(DepthFormat format) {
     VkShaderModuleCreateInfo module{};
     module.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
     module.codeSize = sizeof(kDepthVert);
@@ -124,7 +124,7 @@ Result<Done> DepthPass::makePipeline() {
     dynamic.pDynamicStates = &scissor;
     VkPipelineRenderingCreateInfo rendering{};
     rendering.sType = VK_STRUCTURE_TYPE_PIPELINE_RENDERING_CREATE_INFO;
-    rendering.depthAttachmentFormat = kDepthFormat;
+    rendering.depthAttachmentFormat = toVulkan(format);
 
     VkGraphicsPipelineCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO;

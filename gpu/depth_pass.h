@@ -31,7 +31,7 @@ public:
         const Buffer& commands;  ///< VkDrawIndexedIndirectCommand
     };
 
-    static world::Result<DepthPass> create(Device::Impl& device, uint32_t side);
+    static world::Result<DepthPass> create(Device::Impl& device, uint32_t side, DepthFormat format);
 
     /// Sets the shader's inputs: mat3x4 rows, and per instance the number of its rows. No submission
     /// that draws may be under way.
@@ -45,7 +45,7 @@ public:
 private:
     DepthPass(Device::Impl& device, uint32_t side) : device_(&device), side_(side) {}
     world::Result<world::Done> makeInputs();
-    world::Result<world::Done> makePipeline();
+    world::Result<world::Done> makePipeline(DepthFormat format);
     void begin(VkCommandBuffer commands, const Image& map, VkAttachmentLoadOp load) const;
     void fill(VkCommandBuffer commands, std::span<const cache::StoreRect> rects, float depth);
 

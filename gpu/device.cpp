@@ -148,12 +148,15 @@ std::string lackOf(VkPhysicalDevice physical) {
     if (!has.features.depthClamp) return "depthClamp";
     if (!has.features.fullDrawIndexUint32) return "fullDrawIndexUint32";
 
-    VkFormatProperties format;
-    vkGetPhysicalDeviceFormatProperties(physical, kDepthFormat, &format);
-    const VkFormatFeatureFlags needed = VK_FORMAT_FEATURE_DEPTH_STENCIL_ATTACHMENT_BIT |
-                                        VK_FORMAT_FEATURE_TRANSFER_SRC_BIT |
-                                        VK_FORMAT_FEATURE_TRANSFER_DST_BIT;
-    if ((format.optimalTilingFeatures & needed) != needed) return "D32 depth maps";
+    for (const auto& [format, lack] :
+         {std::pair(DepthFormat::kD32, "D32 depth maps"), std::pair(DepthFormat::kD16, "D16 depth maps")}) {
+        VkFormatProperties maps;
+        vkGetPhysicalDeviceFormatProperties(physical, toVulkan(format), &maps);
+        const VkFormatFeatureFlags needed = VK_FORMAT_FEATURE_DEPTH_STENCIL_ATTACHMENT_BIT |
+                                            VK_FORMAT_FEATURE_TRANSFER_SRC_BIT |
+                                            VK_FORMAT_FEATURE_TRANSFER_DST_BIT;
+        if ((maps.optimalTilingFeatures & needed) != needed) return lack;
+    }
     return {};
 }
 

@@ -9,14 +9,17 @@
 
 namespace gpu {
 
+/// Texels of a depth map: a float, or units of 1/65535.
+enum class DepthFormat { kD32, kD16 };
+
 struct DeviceConfig {
     bool validation = false;   ///< core and synchronization validation; kNotFound without the layer
     std::string nameContains;  ///< pick the first device whose name contains this; empty: see below
 };
 
 /// A device with a graphics queue, dynamic rendering, synchronization2, multi-draw-indirect,
-/// drawIndirectFirstInstance and depth clamp. Picks a discrete GPU before an integrated one before a
-/// software one unless told otherwise. Nothing Vulkan leaks into this header.
+/// drawIndirectFirstInstance, depth clamp and maps of both formats. Picks a discrete GPU before an
+/// integrated one before a software one unless told otherwise. Nothing Vulkan leaks into this header.
 class Device {
 public:
     /// kNotFound when there is no Vulkan driver or no fitting device: the text says what to install.

@@ -10,7 +10,10 @@
 
 namespace gpu {
 
-constexpr VkFormat kDepthFormat = VK_FORMAT_D32_SFLOAT;
+constexpr VkFormat toVulkan(DepthFormat format) {
+    return format == DepthFormat::kD16 ? VK_FORMAT_D16_UNORM : VK_FORMAT_D32_SFLOAT;
+}
+constexpr uint64_t texelBytes(DepthFormat format) { return format == DepthFormat::kD16 ? 2 : 4; }
 
 struct Device::Impl {
     Impl() = default;

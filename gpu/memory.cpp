@@ -62,11 +62,12 @@ Result<Buffer> createBuffer(Device::Impl& device, uint64_t bytes, VkBufferUsageF
                   bytes};
 }
 
-Result<Image> createDepthImage(Device::Impl& device, uint32_t side, const std::string& name) {
+Result<Image> createDepthImage(Device::Impl& device, uint32_t side, DepthFormat format,
+                               const std::string& name) {
     VkImageCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_IMAGE_CREATE_INFO;
     info.imageType = VK_IMAGE_TYPE_2D;
-    info.format = kDepthFormat;
+    info.format = toVulkan(format);
     info.extent = {side, side, 1};
     info.mipLevels = 1;
     info.arrayLayers = 1;
@@ -93,7 +94,7 @@ Result<Image> createDepthImage(Device::Impl& device, uint32_t side, const std::s
     view.sType = VK_STRUCTURE_TYPE_IMAGE_VIEW_CREATE_INFO;
     view.image = handle.value().raw();
     view.viewType = VK_IMAGE_VIEW_TYPE_2D;
-    view.format = kDepthFormat;
+    view.format = toVulkan(format);
     view.subresourceRange = {VK_IMAGE_ASPECT_DEPTH_BIT, 0, 1, 0, 1};
     auto viewHandle = ImageViewHandle::create(device.owner, view, name + " view");
     if (!viewHandle) return viewHandle.error();

@@ -34,8 +34,9 @@ struct Image {
     ImageViewHandle view;
 };
 
-/// D32, side x side texels, one level: drawn to and copied from and to. kDevice when the driver refuses.
-world::Result<Image> createDepthImage(Device::Impl& device, uint32_t side, const std::string& name);
+/// side x side texels, one level: drawn to and copied from and to. kDevice when the driver refuses.
+world::Result<Image> createDepthImage(Device::Impl& device, uint32_t side, DepthFormat format,
+                                      const std::string& name);
 
 /// A buffer that only grows, so that a steady state allocates nothing. What it held is lost when it
 /// grows: it is written anew every frame.

@@ -104,7 +104,7 @@ Result<std::unique_ptr<ShadowMaps>> ShadowMaps::create(Device& device, const Sha
                                             d.name + "' allows at most " + mebibytes(mostUnits * kUnitBytes) +
                                             " in one piece; lower --gpu-budget"};
 
-    auto pass = DepthPass::create(d, static_cast<uint32_t>(config.side));
+    auto pass = DepthPass::create(d, static_cast<uint32_t>(config.side), config.format);
     if (!pass) return pass.error();
     auto geometry = createBuffer(d, units * kUnitBytes,
                                  VK_BUFFER_USAGE_VERTEX_BUFFER_BIT | VK_BUFFER_USAGE_INDEX_BUFFER_BIT,
@@ -158,7 +158,8 @@ Result<std::vector<CascadeMaps>> ShadowMaps::Impl::makeMaps(const std::string& p
         const std::string number = " map " + std::to_string(c);
         for (auto [map, kind] :
              {std::pair(&made[c].cacheMap, "cache"), std::pair(&made[c].working, "working")}) {
-            auto image = createDepthImage(device, static_cast<uint32_t>(config.side), prefix + kind + number);
+            auto image = createDepthImage(device, static_cast<uint32_t>(config.side), config.format,
+                                          prefix + kind + number);
             if (!image) return image.error();
             map->image = std::move(image.value());
         }
@@ -413,7 +414,7 @@ Result<std::vector<float>> ShadowMaps::read(int cascade, MapKind kind) {
 
     const uint32_t side = static_cast<uint32_t>(impl.config.side);
     std::vector<float> depths(size_t{side} * side);
-    const uint64_t bytes = depths.size() * sizeof(float);
+    const uint64_t bytes = depths.size() * texelBytes(impl.config.format);
     if (const auto settled = impl.frame.settle(); !settled) return settled.error();
     if (impl.readback.bytes == 0) {
         auto made =
@@ -432,7 +433,13 @@ Result<std::vector<float>> ShadowMaps::read(int cascade, MapKind kind) {
                            impl.readback.raw(), 1, &copy);
     impl.frame.toHost(impl.readback);
     if (const auto submitted = impl.frame.submitAndWait(); !submitted) return submitted.error();
-    std::memcpy(depths.data(), impl.readback.mapped, bytes);
+    if (impl.config.format == DepthFormat::kD32) {
+        std::memcpy(depths.data(), impl.readback.mapped, bytes);
+    } else {
+        const auto* const units = reinterpret_cast<const uint16_t*>(impl.readback.mapped);
+        std::transform(units, units + depths.size(), depths.begin(),
+                       [](uint16_t unit) { return static_cast<float>(unit) / 65535.0f; });
+    }
     return depths;
 }
 

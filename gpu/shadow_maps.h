@@ -38,9 +38,10 @@ struct ShadowMapsConfig {
     int cascades = 4;
     int side = 1024;                        ///< texels a side
     uint64_t geometryBytes = 512ull << 20;  ///< size of the arena for vertices and indices
+    DepthFormat format = DepthFormat::kD32;
 };
 
-/// Owns a cache map and a working map (D32, side x side) per cascade, and an arena of geometry.
+/// Owns a cache map and a working map (side x side) per cascade, and an arena of geometry.
 /// New maps hold depth 1 everywhere. One thread at a time. Every error is kDevice or kLimit.
 class ShadowMaps {
 public:
@@ -62,7 +63,7 @@ public:
     /// keep what they held, like the real ones: a redraw's plan clears what it draws.
     world::Result<GpuTimes> redraw(const cache::FramePlan& plan);
 
-    /// Depths of a map, row by row in stored order, side * side values.
+    /// Depths of a map, row by row in stored order, side * side values; units / 65535 for D16.
     world::Result<std::vector<float>> read(int cascade, MapKind kind);
 
 private:

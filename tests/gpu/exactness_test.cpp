@@ -7,8 +7,10 @@
 namespace gpu::test {
 namespace {
 
-class Exactness : public MapsTest {
+class Exactness : public MapsTest, public testing::WithParamInterface<DepthFormat> {
 protected:
+    Exactness() { config.format = GetParam(); }
+
     void makeLevels(std::mt19937& rng) {
         levels = {box(), triangleSoup(rng, 1), triangleSoup(rng, 7), triangleSoup(rng, 128),
                   triangleSoup(rng, 500)};
@@ -37,7 +39,7 @@ protected:
     std::vector<cache::GeometryId> ids;
 };
 
-TEST_F(Exactness, PiecesEqualTheWhole) {
+TEST_P(Exactness, PiecesEqualTheWhole) {
     for (const int side : {64, 200, 1024}) {
         std::mt19937 rng(static_cast<uint32_t>(side));
         ids.clear();
@@ -55,7 +57,7 @@ TEST_F(Exactness, PiecesEqualTheWhole) {
     }
 }
 
-TEST_F(Exactness, PiecesEqualTheWholeForTrianglesFarLargerThanTheMap) {
+TEST_P(Exactness, PiecesEqualTheWholeForTrianglesFarLargerThanTheMap) {
     const int side = 256;
     std::mt19937 rng(11);
     makeMaps(side);
@@ -73,7 +75,7 @@ TEST_F(Exactness, PiecesEqualTheWholeForTrianglesFarLargerThanTheMap) {
     }
 }
 
-TEST_F(Exactness, OrderAndGroupingOfItemsDoNotMatter) {
+TEST_P(Exactness, OrderAndGroupingOfItemsDoNotMatter) {
     const int side = 128;
     std::mt19937 rng(3);
     makeMaps(side);
@@ -98,7 +100,7 @@ TEST_F(Exactness, OrderAndGroupingOfItemsDoNotMatter) {
     }
 }
 
-TEST_F(Exactness, InstancedDrawsEqualSeparateOnes) {
+TEST_P(Exactness, InstancedDrawsEqualSeparateOnes) {
     const int side = 256;
     std::mt19937 rng(5);
     makeMaps(side);
@@ -115,7 +117,7 @@ TEST_F(Exactness, InstancedDrawsEqualSeparateOnes) {
     ASSERT_EQ(differing(read(MapKind::kScratchCache), instanced), 0u);
 }
 
-TEST_F(Exactness, AClearedAndRedrawnRectangleIsAsBefore) {
+TEST_P(Exactness, AClearedAndRedrawnRectangleIsAsBefore) {
     const int side = 200;
     std::mt19937 rng(13);
     makeMaps(side);
@@ -141,6 +143,9 @@ TEST_F(Exactness, AClearedAndRedrawnRectangleIsAsBefore) {
         ASSERT_EQ(differing(read(MapKind::kCache), before), 0u) << "round " << round;
     }
 }
+
+INSTANTIATE_TEST_SUITE_P(Formats, Exactness, testing::Values(DepthFormat::kD32, DepthFormat::kD16),
+                         [](const auto& test) { return nameOf(test.param); });
 
 }  // namespace
 }  // namespace gpu::test

@@ -29,8 +29,10 @@ protected:
             for (const std::string& message : device->validationMessages()) ADD_FAILURE() << message;
     }
     void makeMaps(int side, int cascades = 1, uint64_t geometryBytes = 16 << 20) {
-        auto made =
-            ShadowMaps::create(*device, {.cascades = cascades, .side = side, .geometryBytes = geometryBytes});
+        config.cascades = cascades;
+        config.side = side;
+        config.geometryBytes = geometryBytes;
+        auto made = ShadowMaps::create(*device, config);
         ASSERT_TRUE(made) << made.error().what;
         maps = std::move(made.value());
     }
@@ -55,9 +57,12 @@ protected:
         return depths ? depths.value() : std::vector<float>{};
     }
 
+    ShadowMapsConfig config;  ///< of `makeMaps`
     std::unique_ptr<Device> device;
     std::unique_ptr<ShadowMaps> maps;
 };
+
+inline std::string nameOf(DepthFormat format) { return format == DepthFormat::kD16 ? "D16" : "D32"; }
 
 /// Texels whose bits differ.
 inline size_t differing(const std::vector<float>& a, const std::vector<float>& b) {

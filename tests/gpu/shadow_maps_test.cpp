@@ -43,15 +43,20 @@ void drawOnCpu(std::vector<float>& depths, int side, const Quad& q) {
 
 class Maps : public MapsTest {
 protected:
-    /// Texels that are off by more than the viewport's multiplication and addition may round: a unit in
-    /// the last place below 1. Unknown and empty texels must be exact.
-    static size_t wrong(const std::vector<float>& depths, const std::vector<float>& expected) {
+    /// What rounding may do to a depth: in the viewport's multiplication and addition, and to a unit of
+    /// 16 bits.
+    float slack() const {
+        const float float32 = 0x1p-24f;
+        return config.format == DepthFormat::kD16 ? 0.5f / 65535 + 2 * float32 : float32;
+    }
+    /// Texels that are off by more than rounding. Unknown and empty texels must be exact.
+    size_t wrong(const std::vector<float>& depths, const std::vector<float>& expected) const {
         EXPECT_EQ(depths.size(), expected.size());
         size_t count = 0;
         for (size_t i = 0; i < std::min(depths.size(), expected.size()); ++i) {
             const bool drawn = expected[i] != cache::kUnknownDepth && expected[i] != cache::kEmptyDepth;
             count += drawn ? !(depths[i] >= cache::kNearestDepth && depths[i] < 1 &&
-                               std::abs(depths[i] - expected[i]) <= 0x1p-24f)
+                               std::abs(depths[i] - expected[i]) <= slack())
                            : depths[i] != expected[i];
         }
         return count;
@@ -92,7 +97,12 @@ protected:
     static cache::StoreRect whole(int side) { return {glm::ivec2(0), glm::ivec2(side)}; }
 };
 
-TEST_F(Maps, NewOnesHoldDepthOneEverywhere) {
+class FormatMaps : public Maps, public testing::WithParamInterface<DepthFormat> {
+protected:
+    FormatMaps() { config.format = GetParam(); }
+};
+
+TEST_P(FormatMaps, NewOnesHoldDepthOneEverywhere) {
     makeMaps(16, 3);
     for (int c = 0; c < 3; ++c)
         for (const MapKind kind :
@@ -100,7 +110,7 @@ TEST_F(Maps, NewOnesHoldDepthOneEverywhere) {
             EXPECT_EQ(read(kind, c), std::vector<float>(16 * 16, 1.0f));
 }
 
-TEST_F(Maps, EqualACpuRasterisationOfQuads) {
+TEST_P(FormatMaps, EqualACpuRasterisationOfQuads) {
     const int side = 64;
     makeMaps(side);
     const cache::GeometryId quad = upload(unitQuad());
@@ -119,7 +129,7 @@ TEST_F(Maps, EqualACpuRasterisationOfQuads) {
     }
 }
 
-TEST_F(Maps, FollowARandomSequenceOfPlans) {
+TEST_P(FormatMaps, FollowARandomSequenceOfPlans) {
     const int side = 64;
     const size_t cascades = 3;
     makeMaps(side, cascades);
@@ -192,7 +202,7 @@ TEST_F(Maps, FollowARandomSequenceOfPlans) {
     }
 }
 
-TEST_F(Maps, RestoresCopyTheirRectanglesAndNothingElse) {
+TEST_P(FormatMaps, RestoresCopyTheirRectanglesAndNothingElse) {
     const int side = 128;
     makeMaps(side);
     std::mt19937 rng(23);
@@ -219,7 +229,7 @@ TEST_F(Maps, RestoresCopyTheirRectanglesAndNothingElse) {
     EXPECT_EQ(differing(read(MapKind::kCache), source), 0u);
 }
 
-TEST_F(Maps, ClampDepthTowardTheSunAndDropWhatLiesBeyond) {
+TEST_P(FormatMaps, ClampDepthTowardTheSunAndDropWhatLiesBeyond) {
     const int side = 32;
     makeMaps(side);
     const cache::GeometryId quad = upload(unitQuad());
@@ -250,12 +260,12 @@ TEST_F(Maps, ClampDepthTowardTheSunAndDropWhatLiesBeyond) {
     for (int x = 0; x < side; ++x) {
         const float depth = depths[static_cast<size_t>(x)];
         // The rasteriser interpolates in float from a corner: a few units in the last place of 2.
-        EXPECT_NEAR(depth, stored(3 * (x + 0.5) / side - 1), 1e-6) << "column " << x;
+        EXPECT_NEAR(depth, stored(3 * (x + 0.5) / side - 1), 1e-6f + slack()) << "column " << x;
         EXPECT_GE(depth, cache::kNearestDepth) << "column " << x;
     }
 }
 
-TEST_F(Maps, UnknownStaysUnknownUntilCleared) {
+TEST_P(FormatMaps, UnknownStaysUnknownUntilCleared) {
     const int side = 64;
     makeMaps(side);
     const cache::GeometryId quad = upload(unitQuad());
@@ -482,6 +492,26 @@ TEST_F(Maps, LimitsAreNamedWithTheirRemedy) {
     EXPECT_EQ(tooMuch.error().code, world::ErrorCode::kLimit);
     EXPECT_NE(tooMuch.error().what.find("lower --gpu-budget"), std::string::npos) << tooMuch.error().what;
 }
+
+TEST_F(Maps, TheNearestDepthIsOneUnitOf16Bits) {
+    const int side = 16;
+    config.format = DepthFormat::kD16;
+    makeMaps(side);
+    const cache::GeometryId quad = upload(unitQuad());
+    for (const double units : {-1e6, -1.0, 0.0, 0.25, 0.75, 1.0, 2.0, 255.0, 32767.0, 65533.0, 65534.0}) {
+        cache::FramePlan plan = emptyPlan();
+        plan.cascades[0].clears = {whole(side)};
+        plan.cascades[0].staticPasses = {
+            addPass(plan, quad, side, {{glm::dvec2(-1), glm::dvec2(side + 1), units / 65534}}, whole(side))};
+        execute(plan);
+        // The range [0, 1] is 65534 units long and begins at unit 1; unit 0 is unknown.
+        const float expected = static_cast<float>(1 + std::round(std::max(0.0, units))) / 65535.0f;
+        EXPECT_EQ(read(MapKind::kCache), std::vector<float>(side * side, expected)) << units;
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(Formats, FormatMaps, testing::Values(DepthFormat::kD32, DepthFormat::kD16),
+                         [](const auto& test) { return nameOf(test.param); });
 
 using MapsDeathTest = Maps;
 
