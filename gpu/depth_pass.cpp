@@ -21,14 +21,15 @@ bool empty(const cache::StoreRect& rect) { return rect.max.x <= rect.min.x || re
 
 }  // namespace
 
-Result<DepthPass> DepthPass::create(Device::Impl& device, uint32_t side, DepthFormat format) {
+Result<DepthPass> DepthPass::create(Device::Impl& device, uint32_t side, DepthFormat format,
+                                    uint32_t inputSets) {
     DepthPass pass(device, side);
-    if (const auto made = pass.makeInputs(); !made) return made.error();
+    if (const auto made = pass.makeLayout(inputSets); !made) return made.error();
     if (const auto made = pass.makePipeline(format); !made) return made.error();
     return pass;
 }
 
-Result<Done> DepthPass::makeInputs() {
+Result<Done> DepthPass::makeLayout(uint32_t inputSets) {
     VkDescriptorSetLayoutBinding bindings[2]{};
     for (uint32_t i = 0; i < 2; ++i)
         bindings[i] = {i, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1, VK_SHADER_STAGE_VERTEX_BIT, nullptr};
@@ -40,10 +41,10 @@ Result<Done> DepthPass::makeInputs() {
     if (!setLayoutHandle) return setLayoutHandle.error();
     setLayout_ = std::move(setLayoutHandle.value());
 
-    const VkDescriptorPoolSize size{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 2};
+    const VkDescriptorPoolSize size{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 2 * inputSets};
     VkDescriptorPoolCreateInfo pool{};
     pool.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO;
-    pool.maxSets = 1;
+    pool.maxSets = inputSets;
     pool.poolSizeCount = 1;
     pool.pPoolSizes = &size;
     auto poolHandle = DescriptorPoolHandle::create(device_->owner, pool, "depth pass descriptors");
@@ -51,15 +52,6 @@ Result<Done> DepthPass::makeInputs() {
     pool_ = std::move(poolHandle.value());
 
     const VkDescriptorSetLayout rawSetLayout = setLayout_.raw();
-    VkDescriptorSetAllocateInfo set{};
-    set.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO;
-    set.descriptorPool = pool_.raw();
-    set.descriptorSetCount = 1;
-    set.pSetLayouts = &rawSetLayout;
-    const VkResult allocated = vkAllocateDescriptorSets(device_->owner.device, &set, &set_);
-    if (allocated != VK_SUCCESS) return refused(allocated, "vkAllocateDescriptorSets", "depth pass");
-    device_->owner.name(VK_OBJECT_TYPE_DESCRIPTOR_SET, reinterpret_cast<uint64_t>(set_), "depth pass inputs");
-
     VkPipelineLayoutCreateInfo layout{};
     layout.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
     layout.setLayoutCount = 1;
@@ -95,8 +87,8 @@ Result<Done> DepthPass::makePipeline(DepthFormat format) {
     assembly.sType = VK_STRUCTURE_TYPE_PIPELINE_INPUT_ASSEMBLY_STATE_CREATE_INFO;
     assembly.topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
 
-    const VkViewport wholeMap{0, 0, static_cast<float>(side_), static_cast<float>(side_),
-                              cache::kNearestDepth, 1};
+    const VkViewport wholeMap{
+        0, 0, static_cast<float>(side_), static_cast<float>(side_), cache::kNearestDepth, 1};
     VkPipelineViewportStateCreateInfo viewport{};
     viewport.sType = VK_STRUCTURE_TYPE_PIPELINE_VIEWPORT_STATE_CREATE_INFO;
     viewport.viewportCount = 1;
@@ -145,12 +137,26 @@ Result<Done> DepthPass::makePipeline(DepthFormat format) {
     return Done{};
 }
 
-void DepthPass::bind(const Buffer& transforms, const Buffer& instances) {
+Result<VkDescriptorSet> DepthPass::makeInputs(const std::string& name) {
+    const VkDescriptorSetLayout setLayout = setLayout_.raw();
+    VkDescriptorSetAllocateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO;
+    info.descriptorPool = pool_.raw();
+    info.descriptorSetCount = 1;
+    info.pSetLayouts = &setLayout;
+    VkDescriptorSet set = VK_NULL_HANDLE;
+    const VkResult allocated = vkAllocateDescriptorSets(device_->owner.device, &info, &set);
+    if (allocated != VK_SUCCESS) return refused(allocated, "vkAllocateDescriptorSets", name);
+    device_->owner.name(VK_OBJECT_TYPE_DESCRIPTOR_SET, reinterpret_cast<uint64_t>(set), name);
+    return set;
+}
+
+void DepthPass::bind(VkDescriptorSet inputs, const Buffer& transforms, const Buffer& instances) const {
     const VkDescriptorBufferInfo buffers[] = {{transforms.raw(), 0, VK_WHOLE_SIZE},
                                               {instances.raw(), 0, VK_WHOLE_SIZE}};
     VkWriteDescriptorSet write{};
     write.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET;
-    write.dstSet = set_;
+    write.dstSet = inputs;
     write.descriptorCount = 2;  // runs on into the second binding
     write.descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
     write.pBufferInfo = buffers;
@@ -194,8 +200,8 @@ void DepthPass::record(VkCommandBuffer commands, const Image& map, const Work& w
     fill(commands, work.unknowns, cache::kUnknownDepth);
     fill(commands, work.clears, cache::kEmptyDepth);
     vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline_.raw());
-    vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, layout_.raw(), 0, 1, &set_, 0,
-                            nullptr);
+    vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, layout_.raw(), 0, 1, &buffers.inputs,
+                            0, nullptr);
     const VkBuffer geometry = buffers.geometry.raw();
     const VkDeviceSize start = 0;
     vkCmdBindVertexBuffers(commands, 0, 1, &geometry, &start);

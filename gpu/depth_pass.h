@@ -4,6 +4,8 @@
 
 #include <cstdint>
 #include <span>
+#include <string>
+#include <vector>
 
 #include "cache/frame_plan.h"
 #include "gpu/draw_list.h"
@@ -29,13 +31,18 @@ public:
     struct Buffers {
         const Buffer& geometry;  ///< positions and indices
         const Buffer& commands;  ///< VkDrawIndexedIndirectCommand
+        VkDescriptorSet inputs;  ///< of `makeInputs`, bound
     };
 
-    static world::Result<DepthPass> create(Device::Impl& device, uint32_t side, DepthFormat format);
+    /// `inputSets` is how often `makeInputs` may be called.
+    static world::Result<DepthPass> create(Device::Impl& device, uint32_t side, DepthFormat format,
+                                           uint32_t inputSets);
 
-    /// Sets the shader's inputs: mat3x4 rows, and per instance the number of its rows. No submission
-    /// that draws may be under way.
-    void bind(const Buffer& transforms, const Buffer& instances);
+    /// A place for the shader's inputs; it lives as long as the pass.
+    world::Result<VkDescriptorSet> makeInputs(const std::string& name);
+    /// Sets inputs: mat3x4 rows, and per instance the number of its rows. No submission that uses them
+    /// may be under way.
+    void bind(VkDescriptorSet inputs, const Buffer& transforms, const Buffer& instances) const;
 
     /// The map is in kAttachmentLayout. Never submits, waits or allocates.
     void record(VkCommandBuffer commands, const Image& map, const Work& work, const Buffers& buffers);
@@ -44,7 +51,7 @@ public:
 
 private:
     DepthPass(Device::Impl& device, uint32_t side) : device_(&device), side_(side) {}
-    world::Result<world::Done> makeInputs();
+    world::Result<world::Done> makeLayout(uint32_t inputSets);
     world::Result<world::Done> makePipeline(DepthFormat format);
     void begin(VkCommandBuffer commands, const Image& map, VkAttachmentLoadOp load) const;
     void fill(VkCommandBuffer commands, std::span<const cache::StoreRect> rects, float depth);
@@ -52,8 +59,7 @@ private:
     Device::Impl* device_;
     uint32_t side_;
     SetLayoutHandle setLayout_;
-    DescriptorPoolHandle pool_;
-    VkDescriptorSet set_ = VK_NULL_HANDLE;  ///< freed with its pool
+    DescriptorPoolHandle pool_;  ///< its sets are freed with it
     PipelineLayoutHandle layout_;
     PipelineHandle pipeline_;
     std::vector<VkClearRect> fillRects_;  ///< kept for its memory

@@ -1,7 +1,5 @@
 #include "gpu/frame.h"
 
-#include <chrono>
-
 #include "world/check.h"
 
 namespace gpu {
@@ -66,7 +64,7 @@ Result<Frame> Frame::create(Device::Impl& device, uint32_t stamps, const std::st
     if (!fenceHandle) return fenceHandle.error();
     frame.fence_ = std::move(fenceHandle.value());
 
-    if (device.timestampMs == 0) return frame;
+    if (device.timestampMs == 0 || stamps == 0) return frame;
     VkQueryPoolCreateInfo queries{};
     queries.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
     queries.queryType = VK_QUERY_TYPE_TIMESTAMP;
@@ -80,22 +78,30 @@ Result<Frame> Frame::create(Device::Impl& device, uint32_t stamps, const std::st
 
 Frame::~Frame() {
     // Nothing better is left to do than to free what a GPU that never answers may still use.
-    if (pending_) static_cast<void>(wait());
+    static_cast<void>(settle());
 }
 
-Result<Done> Frame::wait() {
+Result<Done> Frame::settle() {
+    if (!pending_) return Done{};
     const VkFence fence = fence_.raw();
     const VkResult waited =
         vkWaitForFences(device_->owner.device, 1, &fence, VK_TRUE, kTimeoutSeconds * 1'000'000'000);
     // A lost device has no work under way any more.
     if (waited == VK_SUCCESS || waited == VK_ERROR_DEVICE_LOST) pending_ = false;
     if (waited != VK_SUCCESS) return refused(waited, "vkWaitForFences", name_);
+    const std::chrono::duration<double, std::milli> elapsed = std::chrono::steady_clock::now() - submitted_;
+    wallMs_ = elapsed.count();
+    if (stampCount_ == 0) return Done{};
+    ticks_.resize(stampCount_);
+    const VkResult read = vkGetQueryPoolResults(
+        device_->owner.device, queries_.raw(), 0, stampCount_, ticks_.size() * sizeof(uint64_t),
+        ticks_.data(), sizeof(uint64_t), VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT);
+    if (read != VK_SUCCESS) return refused(read, "vkGetQueryPoolResults", name_);
     return Done{};
 }
 
-Result<Done> Frame::settle() {
-    if (!pending_) return Done{};
-    return wait();
+bool Frame::done() const {
+    return !pending_ || vkGetFenceStatus(device_->owner.device, fence_.raw()) != VK_NOT_READY;
 }
 
 Result<VkCommandBuffer> Frame::begin() {
@@ -173,7 +179,7 @@ uint32_t Frame::stamp() {
     return stampCount_++;
 }
 
-Result<double> Frame::submitAndWait() {
+Result<Done> Frame::submit() {
     CHECK(barriers_.empty());
     const auto undo = [this] {
         for (auto change = changes_.rbegin(); change != changes_.rend(); ++change)
@@ -193,26 +199,15 @@ Result<double> Frame::submitAndWait() {
     submit.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO_2;
     submit.commandBufferInfoCount = 1;
     submit.pCommandBufferInfos = &commands;
-    const auto start = std::chrono::steady_clock::now();
-    {
-        const std::lock_guard lock(device_->queueMutex);
-        const VkResult submitted = vkQueueSubmit2(device_->queue, 1, &submit, fence);
-        if (submitted != VK_SUCCESS) {
-            undo();
-            return refused(submitted, "vkQueueSubmit2", name_);
-        }
+    submitted_ = std::chrono::steady_clock::now();
+    const std::lock_guard lock(device_->queueMutex);
+    const VkResult submitted = vkQueueSubmit2(device_->queue, 1, &submit, fence);
+    if (submitted != VK_SUCCESS) {
+        undo();
+        return refused(submitted, "vkQueueSubmit2", name_);
     }
     pending_ = true;
-    if (const auto waited = wait(); !waited) return waited.error();
-    const std::chrono::duration<double, std::milli> elapsed = std::chrono::steady_clock::now() - start;
-    if (stampCount_ > 0) {
-        ticks_.resize(stampCount_);
-        const VkResult read = vkGetQueryPoolResults(
-            device_->owner.device, queries_.raw(), 0, stampCount_, ticks_.size() * sizeof(uint64_t),
-            ticks_.data(), sizeof(uint64_t), VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT);
-        if (read != VK_SUCCESS) return refused(read, "vkGetQueryPoolResults", name_);
-    }
-    return elapsed.count();
+    return Done{};
 }
 
 double Frame::msUntil(uint32_t end) const {

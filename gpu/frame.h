@@ -1,6 +1,7 @@
 // gpu/frame.h — one submission to the GPU: its commands, its timestamps, and every barrier there is.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <span>
 #include <string>
@@ -29,20 +30,25 @@ constexpr VkImageLayout kCopySourceLayout = VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL
 constexpr VkImageLayout kCopyTargetLayout = VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL;
 
 /// Records and submits, one submission at a time, used over and over:
-/// settle, begin, record (need, barrier, stamp, end), submitAndWait.
+/// settle, begin, record (need, barrier, stamp), submit. Several of them may be under way at once on
+/// the same maps if they are submitted in the order in which they were recorded.
 /// The device must outlive it, and so must every map that was needed. One thread at a time.
 class Frame {
 public:
-    /// `stamps` is the most timestamps of one submission.
+    /// `stamps` is the most timestamps of one submission; 0: none are taken.
     static world::Result<Frame> create(Device::Impl& device, uint32_t stamps, const std::string& name);
     Frame(Frame&&) = default;
     Frame& operator=(Frame&&) = delete;
     /// Waits for a submission that did not answer in time, once more and as long.
     ~Frame();
 
-    /// Returns once no submission is under way: at once, unless an earlier wait timed out. Memory
-    /// that the GPU reads may be written or freed afterwards.
+    /// Returns once no submission is under way, after at most kTimeoutSeconds. Memory that the GPU
+    /// reads may be written or freed afterwards. After a lost device or a timeout what maps hold is
+    /// unknown.
     world::Result<world::Done> settle();
+    bool pending() const { return pending_; }  ///< submitted, its end not seen
+    /// True when `settle` need not wait: the GPU is done, or lost.
+    bool done() const;
 
     /// Opens the command buffer; settle first.
     world::Result<VkCommandBuffer> begin();
@@ -55,12 +61,12 @@ public:
     /// Takes a timestamp when all commands before it are done, the first one at once; its number.
     uint32_t stamp();
 
-    /// Submits and waits, at most kTimeoutSeconds. The time from submission to fence [ms]. After an
-    /// error of the submission itself maps are as they were before `begin`; after a lost device or a
-    /// timeout what they hold is unknown.
-    world::Result<double> submitAndWait();
-    /// From the stamp before to stamp `end` > 0 of the last submission [ms]; 0 where the device has no
-    /// timestamps.
+    /// Submits and does not wait. After an error maps are as they were before `begin`.
+    world::Result<world::Done> submit();
+    /// From the last submission to when its end was seen [ms].
+    double wallMs() const { return wallMs_; }
+    /// From the stamp before to stamp `end` > 0 of the last submission, which has been settled [ms];
+    /// 0 where no timestamps are taken.
     double msUntil(uint32_t end) const;
 
 private:
@@ -69,7 +75,6 @@ private:
         Use before = Use::kNew;
     };
     explicit Frame(Device::Impl& device) : device_(&device) {}
-    world::Result<world::Done> wait();
 
     Device::Impl* device_;
     std::string name_;
@@ -81,7 +86,9 @@ private:
     std::vector<uint64_t> ticks_;
     std::vector<VkImageMemoryBarrier2> barriers_;  ///< noted, not recorded yet
     std::vector<Change> changes_;                  ///< of map uses since begin, to undo
-    bool pending_ = false;                         ///< submitted, its fence not seen
+    std::chrono::steady_clock::time_point submitted_;
+    double wallMs_ = 0;
+    bool pending_ = false;
 };
 
 }  // namespace gpu

@@ -1,14 +1,16 @@
 #include "gpu/shadow_maps.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cstring>
+#include <optional>
 
-#include "gpu/arena.h"
 #include "gpu/depth_pass.h"
 #include "gpu/device_impl.h"
 #include "gpu/draw_list.h"
 #include "gpu/frame.h"
+#include "gpu/geometry_store.h"
 #include "world/check.h"
 
 namespace gpu {
@@ -23,12 +25,6 @@ using world::Error;
 using world::ErrorCode;
 using world::Result;
 
-/// The arena counts in positions, so that a mesh level's first one has a whole number; an index is a
-/// third of a unit.
-constexpr uint64_t kUnitBytes = sizeof(glm::vec3);
-constexpr uint64_t kIndicesPerUnit = kUnitBytes / sizeof(uint32_t);
-/// Index numbers are 32 bits and base vertices are signed: this many units keep both in range.
-constexpr uint64_t kMostUnits = UINT32_MAX / kIndicesPerUnit;
 /// First size of a frame's buffers: a few hundred casters.
 constexpr uint64_t kFirstBytes = 64 << 10;
 /// After a cascade's static passes, its restores and its active passes; one more starts the frame.
@@ -39,19 +35,26 @@ struct CascadeMaps {
     DepthMap cacheMap, working;
 };
 
-/// What the arena holds for one GeometryId.
-struct Slot {
-    uint32_t offset = 0, units = 0;  ///< units 0: an empty mesh level, nothing in the arena
-    bool live = false;
-};
-
 /// Where one cascade's draws are, and the timestamps that end its parts; the one before starts them.
 struct CascadeWork {
     std::vector<DepthPass::Draws> staticDraws, activeDraws;
-    uint32_t staticEnd = 0, restoreEnd = 0, activeEnd = 0;
+    uint32_t staticEnd = 0, restoreEnd = 0, activeEnd = 0;  ///< 0: not taken
 };
 
-std::string mebibytes(uint64_t bytes) { return std::to_string((bytes + (1 << 20) - 1) >> 20) + " MiB"; }
+/// What one submission uses until it has finished; then the next one takes the place.
+struct Place {
+    GrowingBuffer transforms, instances, commands;
+    VkDescriptorSet inputs = VK_NULL_HANDLE;
+    std::vector<CascadeWork> work;
+    Ticket ticket = 0;
+    Frame frame;  ///< last, so that its destructor waits before the buffers go
+};
+
+/// What `finish` tells of a ticket.
+struct Outcome {
+    GpuTimes times;
+    std::optional<Error> error;
+};
 
 bool drawsStatic(const CascadePlan& plan) {
     return !plan.unknowns.empty() || !plan.clears.empty() || !plan.staticPasses.empty();
@@ -67,81 +70,60 @@ struct ShadowMaps::Impl {
     Device::Impl& device;
     ShadowMapsConfig config;
     DepthPass pass;
-    Arena arena;
-    Buffer geometry;
-    GrowingBuffer transforms, instances, commands;
+    GeometryStore geometry;
     Buffer readback;                         ///< made at the first read
     std::vector<CascadeMaps> maps, scratch;  ///< scratch: made at first use
-    std::vector<Slot> slots;                 ///< by GeometryId
-    std::vector<ArenaRange> ranges;          ///< likewise
-    std::vector<GeometryId> freeIds;
     DrawList drawList;
-    std::vector<CascadeWork> work;  ///< kept for its memory
     std::vector<VkImageCopy> copies;
-    uint64_t uploaded = 0;
-    Frame frame;  ///< last, so that its destructor waits before anything that it uses goes
+    uint64_t uploaded = 0;                       ///< without geometry
+    Ticket last = 0;                             ///< given out
+    std::array<Outcome, kTicketsKept> outcomes;  ///< by ticket modulo their number
+    size_t next = 0;                             ///< place of the next submission; the oldest one is in it
+    std::vector<Place> places;                   ///< last: they wait before anything that they use goes
 
+    Result<Done> makePlaces();
     Result<std::vector<CascadeMaps>> makeMaps(const std::string& prefix);
     Result<Done> needScratch();
     void check(const FramePlan& plan) const;
-    Result<Done> fill(const FramePlan& plan);
-    void record(VkCommandBuffer commandBuffer, const FramePlan& plan, std::vector<CascadeMaps>& target);
+    Result<Done> fill(const FramePlan& plan, Place& place);
+    void record(VkCommandBuffer commandBuffer, const FramePlan& plan, Place& place,
+                std::vector<CascadeMaps>& target);
     void recordRestores(VkCommandBuffer commandBuffer, const CascadePlan& plan, const CascadeMaps& target);
-    Result<GpuTimes> run(const FramePlan& plan, std::vector<CascadeMaps>& target);
+
+    Outcome& outcome(Ticket ticket) { return outcomes[ticket % kTicketsKept]; }
+    Result<Place*> claim();
+    Result<Ticket> launch(Place& place);
+    Result<Done> settle(Place& place);
+    Result<Done> settleUpTo(Ticket ticket);
+    void reclaim();
+    Result<Ticket> submit(const FramePlan& plan, std::vector<CascadeMaps>& target);
+    Result<GpuTimes> finish(Ticket ticket);
 };
 
 Result<std::unique_ptr<ShadowMaps>> ShadowMaps::create(Device& device, const ShadowMapsConfig& config) {
-    CHECK(config.cascades > 0 && config.side > 0);
+    CHECK(config.cascades > 0 && config.side > 0 && config.framesInFlight > 0);
     Device::Impl& d = device.impl();
     if (static_cast<uint32_t>(config.side) > d.maxSide)
         return Error{ErrorCode::kLimit, "shadow maps of " + std::to_string(config.side) +
                                             " texels a side: '" + d.name + "' draws at most " +
                                             std::to_string(d.maxSide) + "; lower --resolution"};
-    const uint64_t units = std::max<uint64_t>(1, config.geometryBytes / kUnitBytes);
-    const uint64_t mostUnits = std::min(kMostUnits, d.maxAllocationBytes / kUnitBytes);
-    if (units > mostUnits)
-        return Error{ErrorCode::kLimit, "geometry arena of " + mebibytes(config.geometryBytes) + ": '" +
-                                            d.name + "' allows at most " + mebibytes(mostUnits * kUnitBytes) +
-                                            " in one piece; lower --gpu-budget"};
-
-    auto pass = DepthPass::create(d, static_cast<uint32_t>(config.side), config.format);
-    if (!pass) return pass.error();
-    auto geometry = createBuffer(d, units * kUnitBytes,
-                                 VK_BUFFER_USAGE_VERTEX_BUFFER_BIT | VK_BUFFER_USAGE_INDEX_BUFFER_BIT,
-                                 Home::kUpload, "geometry arena");
+    auto geometry = GeometryStore::create(d, config.geometryBytes);
     if (!geometry) return geometry.error();
-    auto transforms = GrowingBuffer::create(d, kFirstBytes, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT, "transforms");
-    if (!transforms) return transforms.error();
-    auto instances = GrowingBuffer::create(d, kFirstBytes, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT, "instances");
-    if (!instances) return instances.error();
-    auto commands =
-        GrowingBuffer::create(d, kFirstBytes, VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT, "indirect draws");
-    if (!commands) return commands.error();
-    auto frame =
-        Frame::create(d, 1 + kStampsPerCascade * static_cast<uint32_t>(config.cascades), "shadow maps frame");
-    if (!frame) return frame.error();
-
-    std::unique_ptr<Impl> impl(
-        new Impl{.device = d,
-                 .config = config,
-                 .pass = std::move(pass.value()),
-                 .arena = Arena(static_cast<uint32_t>(units)),
-                 .geometry = std::move(geometry.value()),
-                 .transforms = std::move(transforms.value()),
-                 .instances = std::move(instances.value()),
-                 .commands = std::move(commands.value()),
-                 .readback = {},
-                 .maps = {},
-                 .scratch = {},
-                 .slots = {},
-                 .ranges = {},
-                 .freeIds = {},
-                 .drawList = {},
-                 .work = std::vector<CascadeWork>(static_cast<size_t>(config.cascades)),
-                 .copies = {},
-                 .uploaded = 0,
-                 .frame = std::move(frame.value())});
-    impl->pass.bind(impl->transforms.buffer(), impl->instances.buffer());
+    auto pass = DepthPass::create(d, static_cast<uint32_t>(config.side), config.format,
+                                  static_cast<uint32_t>(config.framesInFlight));
+    if (!pass) return pass.error();
+    std::unique_ptr<Impl> impl(new Impl{.device = d,
+                                        .config = config,
+                                        .pass = std::move(pass.value()),
+                                        .geometry = std::move(geometry.value()),
+                                        .readback = {},
+                                        .maps = {},
+                                        .scratch = {},
+                                        .drawList = {},
+                                        .copies = {},
+                                        .outcomes = {},
+                                        .places = {}});
+    if (const auto made = impl->makePlaces(); !made) return made.error();
     auto maps = impl->makeMaps("");
     if (!maps) return maps.error();
     impl->maps = std::move(maps.value());
@@ -151,8 +133,38 @@ Result<std::unique_ptr<ShadowMaps>> ShadowMaps::create(Device& device, const Sha
 ShadowMaps::ShadowMaps(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 ShadowMaps::~ShadowMaps() = default;
 
+Result<Done> ShadowMaps::Impl::makePlaces() {
+    places.reserve(static_cast<size_t>(config.framesInFlight));
+    for (int i = 0; i < config.framesInFlight; ++i) {
+        const std::string number = std::to_string(i);
+        auto transforms = GrowingBuffer::create(device, kFirstBytes, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT,
+                                                "transforms " + number);
+        if (!transforms) return transforms.error();
+        auto instances = GrowingBuffer::create(device, kFirstBytes, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT,
+                                               "instances " + number);
+        if (!instances) return instances.error();
+        auto commands = GrowingBuffer::create(device, kFirstBytes, VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
+                                              "indirect draws " + number);
+        if (!commands) return commands.error();
+        const auto inputs = pass.makeInputs("depth pass inputs " + number);
+        if (!inputs) return inputs.error();
+        pass.bind(inputs.value(), transforms.value().buffer(), instances.value().buffer());
+        const uint32_t stamps =
+            1 + kStampsPerCascade * static_cast<uint32_t>(config.cascades);
+        auto frame = Frame::create(device, stamps, "shadow maps frame " + number);
+        if (!frame) return frame.error();
+        places.push_back({.transforms = std::move(transforms.value()),
+                          .instances = std::move(instances.value()),
+                          .commands = std::move(commands.value()),
+                          .inputs = inputs.value(),
+                          .work = std::vector<CascadeWork>(static_cast<size_t>(config.cascades)),
+                          .ticket = 0,
+                          .frame = std::move(frame.value())});
+    }
+    return Done{};
+}
+
 Result<std::vector<CascadeMaps>> ShadowMaps::Impl::makeMaps(const std::string& prefix) {
-    if (const auto settled = frame.settle(); !settled) return settled.error();
     std::vector<CascadeMaps> made(static_cast<size_t>(config.cascades));
     for (size_t c = 0; c < made.size(); ++c) {
         const std::string number = " map " + std::to_string(c);
@@ -164,6 +176,9 @@ Result<std::vector<CascadeMaps>> ShadowMaps::Impl::makeMaps(const std::string& p
             map->image = std::move(image.value());
         }
     }
+    const auto place = claim();
+    if (!place) return place.error();
+    Frame& frame = place.value()->frame;
     const auto commandBuffer = frame.begin();
     if (!commandBuffer) return commandBuffer.error();
     for (CascadeMaps& maps_ : made) {
@@ -175,7 +190,9 @@ Result<std::vector<CascadeMaps>> ShadowMaps::Impl::makeMaps(const std::string& p
         pass.recordNew(commandBuffer.value(), maps_.cacheMap.image);
         pass.recordNew(commandBuffer.value(), maps_.working.image);
     }
-    if (const auto submitted = frame.submitAndWait(); !submitted) return submitted.error();
+    const auto ticket = launch(*place.value());
+    if (!ticket) return ticket.error();
+    if (const auto finished = finish(ticket.value()); !finished) return finished.error();
     return made;
 }
 
@@ -188,62 +205,17 @@ Result<Done> ShadowMaps::Impl::needScratch() {
 }
 
 Result<GeometryId> ShadowMaps::upload(const world::MeshLevel& level) {
-    Impl& impl = *impl_;
-    // What was released may still be read by a submission whose wait timed out.
-    if (const auto settled = impl.frame.settle(); !settled) return settled.error();
-    // The GPU reads where an index points without asking.
-    for (const uint32_t index : level.indices) CHECK(index < level.positions.size());
-
-    Slot slot{.live = true};
-    ArenaRange range;
-    const uint64_t positionUnits = level.positions.size();
-    const uint64_t indexUnits = (level.indices.size() + kIndicesPerUnit - 1) / kIndicesPerUnit;
-    const uint64_t units = positionUnits + indexUnits;
-    if (!level.indices.empty()) {
-        const auto offset =
-            units <= impl.arena.capacity() ? impl.arena.allocate(static_cast<uint32_t>(units)) : std::nullopt;
-        if (!offset)
-            return Error{
-                ErrorCode::kLimit,
-                "geometry arena: a mesh level of " + std::to_string(units * kUnitBytes) +
-                    " bytes does not fit; of " + mebibytes(impl.arena.capacity() * kUnitBytes) + ", " +
-                    mebibytes(impl.arena.used() * kUnitBytes) + " are used and the largest gap has " +
-                    std::to_string(impl.arena.largestFree() * kUnitBytes) + " bytes; raise --gpu-budget"};
-        slot.offset = *offset;
-        slot.units = static_cast<uint32_t>(units);
-        range = {.baseVertex = static_cast<int32_t>(*offset),
-                 .firstIndex = static_cast<uint32_t>((*offset + positionUnits) * kIndicesPerUnit),
-                 .indexCount = static_cast<uint32_t>(level.indices.size())};
-        std::byte* const at = impl.geometry.mapped + *offset * kUnitBytes;
-        std::memcpy(at, level.positions.data(), positionUnits * kUnitBytes);
-        std::memcpy(at + positionUnits * kUnitBytes, level.indices.data(),
-                    level.indices.size() * sizeof(uint32_t));
-        impl.uploaded += positionUnits * kUnitBytes + level.indices.size() * sizeof(uint32_t);
-    }
-    GeometryId id = static_cast<GeometryId>(impl.slots.size());
-    if (impl.freeIds.empty()) {
-        impl.slots.push_back(slot);
-        impl.ranges.push_back(range);
-    } else {
-        id = impl.freeIds.back();
-        impl.freeIds.pop_back();
-        impl.slots[id] = slot;
-        impl.ranges[id] = range;
-    }
-    return id;
+    if (impl_->geometry.anyRetired()) impl_->reclaim();
+    return impl_->geometry.upload(level);
 }
 
 void ShadowMaps::release(GeometryId id) {
-    Impl& impl = *impl_;
-    CHECK(id < impl.slots.size() && impl.slots[id].live);
-    if (impl.slots[id].units > 0) impl.arena.release(impl.slots[id].offset, impl.slots[id].units);
-    impl.slots[id] = {};
-    impl.ranges[id] = {};
-    impl.freeIds.push_back(id);
+    impl_->geometry.release(id, impl_->last);
+    impl_->reclaim();  // at once, where nothing is under way
 }
 
-uint64_t ShadowMaps::geometryBytesUsed() const { return impl_->arena.used() * kUnitBytes; }
-uint64_t ShadowMaps::uploadedBytes() const { return impl_->uploaded; }
+uint64_t ShadowMaps::geometryBytesUsed() const { return impl_->geometry.bytesUsed(); }
+uint64_t ShadowMaps::uploadedBytes() const { return impl_->uploaded + impl_->geometry.uploadedBytes(); }
 
 /// CHECKs what recording relies on; ranges within meshes are checked where the draws are made.
 void ShadowMaps::Impl::check(const FramePlan& plan) const {
@@ -263,12 +235,12 @@ void ShadowMaps::Impl::check(const FramePlan& plan) const {
     }
     for (const cache::DrawItem& item : plan.items) {
         CHECK(item.transform < plan.transforms.size());
-        CHECK(item.geometry < slots.size() && slots[item.geometry].live);
+        CHECK(geometry.live(item.geometry));
     }
 }
 
-/// Writes the frame's buffers and notes each pass's draws in `work`.
-Result<Done> ShadowMaps::Impl::fill(const FramePlan& plan) {
+/// Writes the place's buffers and notes each pass's draws in its `work`.
+Result<Done> ShadowMaps::Impl::fill(const FramePlan& plan, Place& place) {
     uint64_t items = 0;
     for (const CascadePlan& cascade : plan.cascades)
         for (const auto* passes : {&cascade.staticPasses, &cascade.activePasses})
@@ -281,30 +253,31 @@ Result<Done> ShadowMaps::Impl::fill(const FramePlan& plan) {
                                             " transforms and " + std::to_string(items) +
                                             " draws are more than '" + device.name +
                                             "' takes at once; use fewer cascades or a lower far distance"};
-    const auto moreTransforms = transforms.reserve(device, transformBytes);
+    const auto moreTransforms = place.transforms.reserve(device, transformBytes);
     if (!moreTransforms) return moreTransforms.error();
-    const auto moreInstances = instances.reserve(device, instanceBytes);
+    const auto moreInstances = place.instances.reserve(device, instanceBytes);
     // The first may have moved already: the shader must not keep a buffer that is gone.
     if (moreTransforms.value() || (moreInstances && moreInstances.value()))
-        pass.bind(transforms.buffer(), instances.buffer());
+        pass.bind(place.inputs, place.transforms.buffer(), place.instances.buffer());
     if (!moreInstances) return moreInstances.error();
-    const auto moreCommands = commands.reserve(device, items * sizeof(VkDrawIndexedIndirectCommand));
+    const auto moreCommands = place.commands.reserve(device, items * sizeof(VkDrawIndexedIndirectCommand));
     if (!moreCommands) return moreCommands.error();
 
-    if (transformBytes > 0) std::memcpy(transforms.buffer().mapped, plan.transforms.data(), transformBytes);
-    drawList.begin({reinterpret_cast<VkDrawIndexedIndirectCommand*>(commands.buffer().mapped), items},
-                   {reinterpret_cast<uint32_t*>(instances.buffer().mapped), items});
+    if (transformBytes > 0)
+        std::memcpy(place.transforms.buffer().mapped, plan.transforms.data(), transformBytes);
+    drawList.begin({reinterpret_cast<VkDrawIndexedIndirectCommand*>(place.commands.buffer().mapped), items},
+                   {reinterpret_cast<uint32_t*>(place.instances.buffer().mapped), items});
     for (size_t c = 0; c < plan.cascades.size(); ++c) {
         const auto add = [&](const std::vector<cache::DrawPass>& passes,
                              std::vector<DepthPass::Draws>& draws) {
             draws.clear();
             for (const cache::DrawPass& p : passes)
                 draws.push_back(
-                    {p.scissor,
-                     drawList.add(std::span(plan.items).subspan(p.firstItem, p.itemCount), ranges)});
+                    {p.scissor, drawList.add(std::span(plan.items).subspan(p.firstItem, p.itemCount),
+                                             geometry.ranges())});
         };
-        add(plan.cascades[c].staticPasses, work[c].staticDraws);
-        add(plan.cascades[c].activePasses, work[c].activeDraws);
+        add(plan.cascades[c].staticPasses, place.work[c].staticDraws);
+        add(plan.cascades[c].activePasses, place.work[c].activeDraws);
     }
     uploaded += transformBytes + drawList.instanceCount() * sizeof(uint32_t) +
                 drawList.commandCount() * sizeof(VkDrawIndexedIndirectCommand);
@@ -313,9 +286,12 @@ Result<Done> ShadowMaps::Impl::fill(const FramePlan& plan) {
 
 /// All cascades' static parts, then all restores, then all active parts: three barriers in all, and
 /// on a software driver each one waits for everything before it.
-void ShadowMaps::Impl::record(VkCommandBuffer commandBuffer, const FramePlan& plan,
+void ShadowMaps::Impl::record(VkCommandBuffer commandBuffer, const FramePlan& plan, Place& place,
                               std::vector<CascadeMaps>& target) {
-    const DepthPass::Buffers buffers{.geometry = geometry, .commands = commands.buffer()};
+    const DepthPass::Buffers buffers{
+        .geometry = geometry.buffer(), .commands = place.commands.buffer(), .inputs = place.inputs};
+    Frame& frame = place.frame;
+    std::vector<CascadeWork>& work = place.work;
     const size_t count = plan.cascades.size();
     frame.stamp();
     for (size_t c = 0; c < count; ++c)
@@ -368,39 +344,117 @@ void ShadowMaps::Impl::recordRestores(VkCommandBuffer commandBuffer, const Casca
                    copies.data());
 }
 
-Result<GpuTimes> ShadowMaps::Impl::run(const FramePlan& plan, std::vector<CascadeMaps>& target) {
-    const auto start = std::chrono::steady_clock::now();
-    GpuTimes times;
-    times.cascades.resize(static_cast<size_t>(config.cascades));
-    if (plan.idle()) return times;
-    check(plan);
-    if (const auto settled = frame.settle(); !settled) return settled.error();
-    if (const auto filled = fill(plan); !filled) return filled.error();
-    const auto commandBuffer = frame.begin();
-    if (!commandBuffer) return commandBuffer.error();
-    record(commandBuffer.value(), plan, target);
-    times.recordMs = msSince(start);
-
-    const auto wall = frame.submitAndWait();
-    if (!wall) return wall.error();
-    times.wallMs = wall.value();
-    times.submitted = true;
-    for (size_t c = 0; c < plan.cascades.size(); ++c) {
-        const CascadePlan& cascade = plan.cascades[c];
-        const CascadeWork& w = work[c];
-        CascadeTimes& t = times.cascades[c];
-        if (drawsStatic(cascade)) t.staticMs = frame.msUntil(w.staticEnd);
-        if (!cascade.restores.empty()) t.activeMs += frame.msUntil(w.restoreEnd);
-        if (!cascade.activePasses.empty()) t.activeMs += frame.msUntil(w.activeEnd);
-    }
-    return times;
+/// The next place, once its last submission has finished.
+Result<Place*> ShadowMaps::Impl::claim() {
+    Place& place = places[next];
+    if (const auto settled = settle(place); !settled) return settled.error();
+    for (CascadeWork& w : place.work) w.staticEnd = w.restoreEnd = w.activeEnd = 0;
+    return &place;
 }
 
-Result<GpuTimes> ShadowMaps::execute(const FramePlan& plan) { return impl_->run(plan, impl_->maps); }
+/// Submits what the claimed place has recorded.
+Result<Ticket> ShadowMaps::Impl::launch(Place& place) {
+    if (const auto submitted = place.frame.submit(); !submitted) return submitted.error();
+    next = (next + 1) % places.size();
+    place.ticket = ++last;
+    Outcome& o = outcome(last);
+    o.error.reset();
+    o.times.cascades.assign(static_cast<size_t>(config.cascades), {});
+    o.times.submitted = true;
+    return last;
+}
+
+/// Waits for a place's submission and notes its outcome. Nothing to do where none is under way.
+Result<Done> ShadowMaps::Impl::settle(Place& place) {
+    if (!place.frame.pending()) return Done{};
+    const auto settled = place.frame.settle();
+    if (last - place.ticket >= kTicketsKept) return settled;  // nobody may ask any more
+    Outcome& o = outcome(place.ticket);
+    o.error.reset();
+    if (!settled) {
+        o.error = settled.error();
+        return settled;
+    }
+    o.times.wallMs = place.frame.wallMs();
+    for (size_t c = 0; c < place.work.size(); ++c) {
+        const CascadeWork& w = place.work[c];
+        CascadeTimes& t = o.times.cascades[c];
+        if (w.staticEnd > 0) t.staticMs = place.frame.msUntil(w.staticEnd);
+        if (w.restoreEnd > 0) t.activeMs += place.frame.msUntil(w.restoreEnd);
+        if (w.activeEnd > 0) t.activeMs += place.frame.msUntil(w.activeEnd);
+    }
+    return Done{};
+}
+
+/// Waits for all submissions up to a ticket, the oldest first.
+Result<Done> ShadowMaps::Impl::settleUpTo(Ticket ticket) {
+    for (size_t i = 0; i < places.size(); ++i) {
+        Place& place = places[(next + i) % places.size()];
+        if (place.ticket > ticket) break;
+        if (const auto settled = settle(place); !settled) return settled.error();
+    }
+    return Done{};
+}
+
+/// Gives back what only finished submissions read. Does not wait.
+void ShadowMaps::Impl::reclaim() {
+    for (size_t i = 0; i < places.size(); ++i) {
+        Place& place = places[(next + i) % places.size()];
+        // An error is kept for whoever finishes the ticket.
+        if (place.frame.done()) static_cast<void>(settle(place));
+        if (place.frame.pending()) return geometry.reclaim(place.ticket - 1);
+    }
+    geometry.reclaim(last);
+}
+
+Result<Ticket> ShadowMaps::Impl::submit(const FramePlan& plan, std::vector<CascadeMaps>& target) {
+    if (plan.idle()) {
+        Outcome& o = outcome(++last);
+        o = {};
+        o.times.cascades.resize(static_cast<size_t>(config.cascades));
+        return last;
+    }
+    check(plan);
+    const auto claimed = claim();
+    if (!claimed) return claimed.error();
+    Place& place = *claimed.value();
+    const auto start = std::chrono::steady_clock::now();
+    if (const auto filled = fill(plan, place); !filled) return filled.error();
+    const auto commandBuffer = place.frame.begin();
+    if (!commandBuffer) return commandBuffer.error();
+    record(commandBuffer.value(), plan, place, target);
+    const double recordMs = msSince(start);
+    const auto ticket = launch(place);
+    if (ticket) outcome(ticket.value()).times.recordMs = recordMs;
+    return ticket;
+}
+
+Result<GpuTimes> ShadowMaps::Impl::finish(Ticket ticket) {
+    CHECK(ticket > 0 && ticket <= last && last - ticket < kTicketsKept);
+    const Outcome& o = outcome(ticket);
+    if (!o.times.submitted) return o.times;
+    if (const auto settled = settleUpTo(ticket); !settled) return settled.error();
+    if (geometry.anyRetired()) reclaim();
+    if (o.error) return *o.error;
+    return o.times;
+}
+
+Result<Ticket> ShadowMaps::submit(const FramePlan& plan) { return impl_->submit(plan, impl_->maps); }
+
+Result<GpuTimes> ShadowMaps::finish(Ticket ticket) { return impl_->finish(ticket); }
+
+Result<GpuTimes> ShadowMaps::execute(const FramePlan& plan) {
+    const auto ticket = submit(plan);
+    if (!ticket) return ticket.error();
+    return finish(ticket.value());
+}
 
 Result<GpuTimes> ShadowMaps::redraw(const FramePlan& plan) {
     if (const auto made = impl_->needScratch(); !made) return made.error();
-    return impl_->run(plan, impl_->scratch);
+    if (const auto settled = impl_->settleUpTo(impl_->last); !settled) return settled.error();
+    const auto ticket = impl_->submit(plan, impl_->scratch);
+    if (!ticket) return ticket.error();
+    return finish(ticket.value());
 }
 
 Result<std::vector<float>> ShadowMaps::read(int cascade, MapKind kind) {
@@ -415,24 +469,29 @@ Result<std::vector<float>> ShadowMaps::read(int cascade, MapKind kind) {
     const uint32_t side = static_cast<uint32_t>(impl.config.side);
     std::vector<float> depths(size_t{side} * side);
     const uint64_t bytes = depths.size() * texelBytes(impl.config.format);
-    if (const auto settled = impl.frame.settle(); !settled) return settled.error();
+    if (const auto settled = impl.settleUpTo(impl.last); !settled) return settled.error();
     if (impl.readback.bytes == 0) {
         auto made =
             createBuffer(impl.device, bytes, VK_BUFFER_USAGE_TRANSFER_DST_BIT, Home::kReadback, "readback");
         if (!made) return made.error();
         impl.readback = std::move(made.value());
     }
-    const auto commandBuffer = impl.frame.begin();
+    const auto place = impl.claim();
+    if (!place) return place.error();
+    Frame& frame = place.value()->frame;
+    const auto commandBuffer = frame.begin();
     if (!commandBuffer) return commandBuffer.error();
-    impl.frame.need(map, Use::kCopySource);
-    impl.frame.barrier();
+    frame.need(map, Use::kCopySource);
+    frame.barrier();
     VkBufferImageCopy copy{};
     copy.imageSubresource = {VK_IMAGE_ASPECT_DEPTH_BIT, 0, 0, 1};
     copy.imageExtent = {side, side, 1};
     vkCmdCopyImageToBuffer(commandBuffer.value(), map.image.handle.raw(), kCopySourceLayout,
                            impl.readback.raw(), 1, &copy);
-    impl.frame.toHost(impl.readback);
-    if (const auto submitted = impl.frame.submitAndWait(); !submitted) return submitted.error();
+    frame.toHost(impl.readback);
+    const auto ticket = impl.launch(*place.value());
+    if (!ticket) return ticket.error();
+    if (const auto finished = impl.finish(ticket.value()); !finished) return finished.error();
     if (impl.config.format == DepthFormat::kD32) {
         std::memcpy(depths.data(), impl.readback.mapped, bytes);
     } else {

@@ -21,8 +21,8 @@ enum class MapKind {
     kScratchWorking,
 };
 
-/// What one executed plan cost. Timestamps are noisy on software drivers; wall time is submit to
-/// fence. Zero for an idle plan, which submits nothing.
+/// What one executed plan cost. Timestamps are noisy on software drivers. Zero for an idle plan, which
+/// submits nothing.
 struct CascadeTimes {
     double staticMs = 0;  ///< clears and static passes, by timestamp
     double activeMs = 0;  ///< restores and active passes, by timestamp
@@ -30,7 +30,7 @@ struct CascadeTimes {
 struct GpuTimes {
     std::vector<CascadeTimes> cascades;
     double recordMs = 0;  ///< CPU time to fill buffers and record commands
-    double wallMs = 0;    ///< from vkQueueSubmit to the fence
+    double wallMs = 0;    ///< from vkQueueSubmit to when its fence was seen
     bool submitted = false;
 };
 
@@ -39,7 +39,11 @@ struct ShadowMapsConfig {
     int side = 1024;                        ///< texels a side
     uint64_t geometryBytes = 512ull << 20;  ///< size of the arena for vertices and indices
     DepthFormat format = DepthFormat::kD32;
+    int framesInFlight = 2;  ///< submissions under way at once, > 0
 };
+
+/// Number of a submitted plan; they ascend.
+using Ticket = uint64_t;
 
 /// Owns a cache map and a working map (side x side) per cascade, and an arena of geometry.
 /// New maps hold depth 1 everywhere. One thread at a time. Every error is kDevice or kLimit.
@@ -51,19 +55,29 @@ public:
 
     /// Copies positions and indices into the arena. kLimit names the budget when it is full.
     world::Result<cache::GeometryId> upload(const world::MeshLevel& level);
-    /// Frees the space once no submitted frame can read it. The id may be given out again.
+    /// No later plan may draw it. Its space and its id go back once no submitted plan can read it.
     void release(cache::GeometryId id);
-    uint64_t geometryBytesUsed() const;
-    uint64_t uploadedBytes() const;  ///< since creation: geometry, transforms and commands
+    uint64_t geometryBytesUsed() const;  ///< with what is released and still read
+    uint64_t uploadedBytes() const;      ///< since creation: geometry, transforms and commands
 
-    /// Executes the plan on the cache and working maps in one submission and waits for it.
+    /// Executes the plan on the cache and working maps in one submission, after those before it. Waits
+    /// only for a place: while `framesInFlight` submissions are under way, for the oldest of them. The
+    /// plan may change as soon as this returns. An idle plan takes no place and is finished at once.
+    world::Result<Ticket> submit(const cache::FramePlan& plan);
+    /// Waits for a submitted plan; what it cost. At most kTicketsKept plans may have been submitted
+    /// since. After an error what the maps hold is unknown.
+    world::Result<GpuTimes> finish(Ticket ticket);
+    static constexpr Ticket kTicketsKept = 64;
+    /// `submit` and `finish`.
     world::Result<GpuTimes> execute(const cache::FramePlan& plan);
 
-    /// Executes the plan on the scratch maps (made at first use) in one submission and waits. Scratch maps
-    /// keep what they held, like the real ones: a redraw's plan clears what it draws.
+    /// Executes the plan on the scratch maps (made at first use) in one submission and waits for
+    /// everything. Scratch maps keep what they held, like the real ones: a redraw's plan clears what it
+    /// draws.
     world::Result<GpuTimes> redraw(const cache::FramePlan& plan);
 
-    /// Depths of a map, row by row in stored order, side * side values; units / 65535 for D16.
+    /// Waits for everything. Depths of a map, row by row in stored order, side * side values; units / 65535
+    /// for D16.
     world::Result<std::vector<float>> read(int cascade, MapKind kind);
 
 private:

@@ -5,6 +5,7 @@
 #include <vulkan/vulkan.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -21,6 +22,7 @@ world::Error refused(VkResult result, const char* call, const std::string& objec
 struct Owner {
     VkDevice device = VK_NULL_HANDLE;
     PFN_vkSetDebugUtilsObjectNameEXT setName = nullptr;  ///< null without VK_EXT_debug_utils
+    mutable std::atomic<uint64_t> created = 0;           ///< objects so far: a steady state adds none
 
     void name(VkObjectType type, uint64_t object, const std::string& text) const;
 };
@@ -43,6 +45,7 @@ public:
         const VkResult result = kCreate(owner.device, &info, nullptr, &made.raw_);
         if (result != VK_SUCCESS) return refused(result, kCall.text, name);
         owner.name(kType, reinterpret_cast<uint64_t>(made.raw_), name);
+        ++owner.created;
         return made;
     }
     Handle() = default;
