@@ -150,7 +150,7 @@ Result<Done> ShadowMaps::Impl::makePlaces() {
         if (!inputs) return inputs.error();
         pass.bind(inputs.value(), transforms.value().buffer(), instances.value().buffer());
         const uint32_t stamps =
-            1 + kStampsPerCascade * static_cast<uint32_t>(config.cascades);
+            config.timestamps ? 1 + kStampsPerCascade * static_cast<uint32_t>(config.cascades) : 0;
         auto frame = Frame::create(device, stamps, "shadow maps frame " + number);
         if (!frame) return frame.error();
         places.push_back({.transforms = std::move(transforms.value()),

@@ -40,6 +40,7 @@ struct ShadowMapsConfig {
     uint64_t geometryBytes = 512ull << 20;  ///< size of the arena for vertices and indices
     DepthFormat format = DepthFormat::kD32;
     int framesInFlight = 2;  ///< submissions under way at once, > 0
+    bool timestamps = true;  ///< each costs a software driver 0.1 ms; without, cascades' times are 0
 };
 
 /// Number of a submitted plan; they ascend.

@@ -329,6 +329,20 @@ TEST_F(Maps, AnIdleCascadeCostsNoTime) {
     EXPECT_LT(times.cascades[1].staticMs, times.wallMs + 1);
 }
 
+TEST_F(Maps, WithoutTimestampsOnlyTheWholeIsTimed) {
+    config.timestamps = false;
+    makeMaps(32);
+    cache::FramePlan plan = emptyPlan();
+    plan.cascades[0].clears = {whole(32)};
+    plan.cascades[0].restores = {whole(32)};
+    const GpuTimes times = execute(plan);
+    EXPECT_GT(times.wallMs, 0);
+    EXPECT_GT(times.recordMs, 0);
+    ASSERT_EQ(times.cascades.size(), 1u);
+    EXPECT_EQ(times.cascades[0].staticMs, 0);
+    EXPECT_EQ(times.cascades[0].activeMs, 0);
+}
+
 TEST_F(Maps, RedrawLeavesTheRealMapsAlone) {
     const int side = 32;
     makeMaps(side);
