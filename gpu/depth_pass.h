@@ -1,5 +1,4 @@
-// gpu/depth_pass.h — draws triangles into a depth map: one pipeline, one viewport, a scissor per draw.
-// There is no fragment shader: on a software driver an empty one makes the pass five times slower.
+// gpu/depth_pass.h — draws meshes into a depth map: clears and indirect draws, a scissor per pass.
 #pragma once
 
 #include <cstdint>
@@ -13,9 +12,7 @@
 
 namespace gpu {
 
-/// Depth test LESS, both faces, viewport (0, 0, side, side), depth [0, 1] mapped and clamped to
-/// [kNearestDepth, 1]. Since only the scissor ever changes, what a triangle leaves in a texel does not
-/// depend on the pass that drew it.
+/// One pipeline, created once; see gpu/depth_pipeline.h for its state.
 class DepthPass {
 public:
     /// Draws that share a scissor.
@@ -46,15 +43,10 @@ public:
 
     /// The map is in kAttachmentLayout. Never submits, waits or allocates.
     void record(VkCommandBuffer commands, const Image& map, const Work& work, const Buffers& buffers);
-    /// Clears the whole of a map that holds nothing yet to kEmptyDepth.
-    void recordNew(VkCommandBuffer commands, const Image& map) const;
 
 private:
     DepthPass(Device::Impl& device, uint32_t side) : device_(&device), side_(side) {}
     world::Result<world::Done> makeLayout(uint32_t inputSets);
-    world::Result<world::Done> makePipeline(DepthFormat format);
-    void begin(VkCommandBuffer commands, const Image& map, VkAttachmentLoadOp load) const;
-    void fill(VkCommandBuffer commands, std::span<const cache::StoreRect> rects, float depth);
 
     Device::Impl* device_;
     uint32_t side_;

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <optional>
 
+#include "gpu/cascade_maps.h"
 #include "gpu/depth_pass.h"
 #include "gpu/device_impl.h"
 #include "gpu/draw_list.h"
@@ -30,10 +31,6 @@ constexpr uint64_t kFirstBytes = 64 << 10;
 /// After a cascade's static passes, its restores and its active passes; one more starts the frame.
 /// Each costs a software driver 0.05 to 0.1 ms, so none is taken twice.
 constexpr uint32_t kStampsPerCascade = 3;
-
-struct CascadeMaps {
-    DepthMap cacheMap, working;
-};
 
 /// Where one cascade's draws are, and the timestamps that end its parts; the one before starts them.
 struct CascadeWork {
@@ -71,7 +68,7 @@ struct ShadowMaps::Impl {
     ShadowMapsConfig config;
     DepthPass pass;
     GeometryStore geometry;
-    Buffer readback;                         ///< made at the first read
+    std::optional<Readback> readback;        ///< made at the first read
     std::vector<CascadeMaps> maps, scratch;  ///< scratch: made at first use
     DrawList drawList;
     std::vector<VkImageCopy> copies;
@@ -88,7 +85,6 @@ struct ShadowMaps::Impl {
     Result<Done> fill(const FramePlan& plan, Place& place);
     void record(VkCommandBuffer commandBuffer, const FramePlan& plan, Place& place,
                 std::vector<CascadeMaps>& target);
-    void recordRestores(VkCommandBuffer commandBuffer, const CascadePlan& plan, const CascadeMaps& target);
 
     Outcome& outcome(Ticket ticket) { return outcomes[ticket % kTicketsKept]; }
     Result<Place*> claim();
@@ -165,31 +161,14 @@ Result<Done> ShadowMaps::Impl::makePlaces() {
 }
 
 Result<std::vector<CascadeMaps>> ShadowMaps::Impl::makeMaps(const std::string& prefix) {
-    std::vector<CascadeMaps> made(static_cast<size_t>(config.cascades));
-    for (size_t c = 0; c < made.size(); ++c) {
-        const std::string number = " map " + std::to_string(c);
-        for (auto [map, kind] :
-             {std::pair(&made[c].cacheMap, "cache"), std::pair(&made[c].working, "working")}) {
-            auto image = createDepthImage(device, static_cast<uint32_t>(config.side), config.format,
-                                          prefix + kind + number);
-            if (!image) return image.error();
-            map->image = std::move(image.value());
-        }
-    }
+    auto made = createCascadeMaps(device, config, prefix);
+    if (!made) return made.error();
     const auto place = claim();
     if (!place) return place.error();
     Frame& frame = place.value()->frame;
     const auto commandBuffer = frame.begin();
     if (!commandBuffer) return commandBuffer.error();
-    for (CascadeMaps& maps_ : made) {
-        frame.need(maps_.cacheMap, Use::kAttachment);
-        frame.need(maps_.working, Use::kAttachment);
-    }
-    frame.barrier();
-    for (const CascadeMaps& maps_ : made) {
-        pass.recordNew(commandBuffer.value(), maps_.cacheMap.image);
-        pass.recordNew(commandBuffer.value(), maps_.working.image);
-    }
+    recordNew(frame, commandBuffer.value(), made.value(), static_cast<uint32_t>(config.side));
     const auto ticket = launch(*place.value());
     if (!ticket) return ticket.error();
     if (const auto finished = finish(ticket.value()); !finished) return finished.error();
@@ -311,7 +290,7 @@ void ShadowMaps::Impl::record(VkCommandBuffer commandBuffer, const FramePlan& pl
     frame.barrier();
     for (size_t c = 0; c < count; ++c) {
         if (plan.cascades[c].restores.empty()) continue;
-        recordRestores(commandBuffer, plan.cascades[c], target[c]);
+        recordRestores(commandBuffer, target[c], plan.cascades[c].restores, copies);
         work[c].restoreEnd = frame.stamp();
     }
     for (size_t c = 0; c < count; ++c)
@@ -322,26 +301,6 @@ void ShadowMaps::Impl::record(VkCommandBuffer commandBuffer, const FramePlan& pl
         pass.record(commandBuffer, target[c].working.image, {{}, {}, work[c].activeDraws}, buffers);
         work[c].activeEnd = frame.stamp();
     }
-}
-
-void ShadowMaps::Impl::recordRestores(VkCommandBuffer commandBuffer, const CascadePlan& plan,
-                                      const CascadeMaps& target) {
-    copies.clear();
-    for (const StoreRect& rect : plan.restores) {
-        const glm::ivec2 size = rect.max - rect.min;
-        if (size.x <= 0 || size.y <= 0) continue;
-        VkImageCopy copy{};
-        copy.srcSubresource = {VK_IMAGE_ASPECT_DEPTH_BIT, 0, 0, 1};
-        copy.srcOffset = {rect.min.x, rect.min.y, 0};
-        copy.dstSubresource = copy.srcSubresource;
-        copy.dstOffset = copy.srcOffset;
-        copy.extent = {static_cast<uint32_t>(size.x), static_cast<uint32_t>(size.y), 1};
-        copies.push_back(copy);
-    }
-    if (copies.empty()) return;
-    vkCmdCopyImage(commandBuffer, target.cacheMap.image.handle.raw(), kCopySourceLayout,
-                   target.working.image.handle.raw(), kCopyTargetLayout, static_cast<uint32_t>(copies.size()),
-                   copies.data());
 }
 
 /// The next place, once its last submission has finished.
@@ -466,13 +425,10 @@ Result<std::vector<float>> ShadowMaps::read(int cascade, MapKind kind) {
     CascadeMaps& maps = (scratch ? impl.scratch : impl.maps)[static_cast<size_t>(cascade)];
     DepthMap& map = kind == MapKind::kCache || kind == MapKind::kScratchCache ? maps.cacheMap : maps.working;
 
-    const uint32_t side = static_cast<uint32_t>(impl.config.side);
-    std::vector<float> depths(size_t{side} * side);
-    const uint64_t bytes = depths.size() * texelBytes(impl.config.format);
     if (const auto settled = impl.settleUpTo(impl.last); !settled) return settled.error();
-    if (impl.readback.bytes == 0) {
+    if (!impl.readback) {
         auto made =
-            createBuffer(impl.device, bytes, VK_BUFFER_USAGE_TRANSFER_DST_BIT, Home::kReadback, "readback");
+            Readback::create(impl.device, static_cast<uint32_t>(impl.config.side), impl.config.format);
         if (!made) return made.error();
         impl.readback = std::move(made.value());
     }
@@ -481,25 +437,11 @@ Result<std::vector<float>> ShadowMaps::read(int cascade, MapKind kind) {
     Frame& frame = place.value()->frame;
     const auto commandBuffer = frame.begin();
     if (!commandBuffer) return commandBuffer.error();
-    frame.need(map, Use::kCopySource);
-    frame.barrier();
-    VkBufferImageCopy copy{};
-    copy.imageSubresource = {VK_IMAGE_ASPECT_DEPTH_BIT, 0, 0, 1};
-    copy.imageExtent = {side, side, 1};
-    vkCmdCopyImageToBuffer(commandBuffer.value(), map.image.handle.raw(), kCopySourceLayout,
-                           impl.readback.raw(), 1, &copy);
-    frame.toHost(impl.readback);
+    impl.readback->record(frame, commandBuffer.value(), map);
     const auto ticket = impl.launch(*place.value());
     if (!ticket) return ticket.error();
     if (const auto finished = impl.finish(ticket.value()); !finished) return finished.error();
-    if (impl.config.format == DepthFormat::kD32) {
-        std::memcpy(depths.data(), impl.readback.mapped, bytes);
-    } else {
-        const auto* const units = reinterpret_cast<const uint16_t*>(impl.readback.mapped);
-        std::transform(units, units + depths.size(), depths.begin(),
-                       [](uint16_t unit) { return static_cast<float>(unit) / 65535.0f; });
-    }
-    return depths;
+    return impl.readback->depths();
 }
 
 }  // namespace gpu

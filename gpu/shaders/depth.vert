@@ -13,6 +13,10 @@ layout(location = 0) in vec3 pMesh;
 void main() {
     // gl_InstanceIndex counts from the draw's firstInstance, so each draw reads its own stretch.
     const Rows m = clipFromMesh[transformOf[gl_InstanceIndex]];
-    const vec4 v = vec4(pMesh, 1.0);
-    gl_Position = vec4(dot(m.x, v), dot(m.y, v), dot(m.depth, v), 1.0);
+    // Products and sums in this order, each rounded to float: the CPU can compute the same bits.
+    precise vec3 pClip = vec3(m.x.x, m.y.x, m.depth.x) * pMesh.x;
+    pClip += vec3(m.x.y, m.y.y, m.depth.y) * pMesh.y;
+    pClip += vec3(m.x.z, m.y.z, m.depth.z) * pMesh.z;
+    pClip += vec3(m.x.w, m.y.w, m.depth.w);
+    gl_Position = vec4(pClip, 1.0);
 }
