@@ -3,10 +3,10 @@
 
 #include <cstdint>
 #include <span>
-#include <string>
 #include <vector>
 
 #include "cache/frame_plan.h"
+#include "gpu/depth_pipeline.h"
 #include "gpu/draw_list.h"
 #include "gpu/memory.h"
 
@@ -26,34 +26,22 @@ public:
         std::span<const Draws> draws;
     };
     struct Buffers {
-        const Buffer& geometry;  ///< positions and indices
-        const Buffer& commands;  ///< VkDrawIndexedIndirectCommand
-        VkDescriptorSet inputs;  ///< of `makeInputs`, bound
+        const Buffer& geometry;   ///< positions and indices
+        const Buffer& instances;  ///< glm::mat3x4, each instance's transform
+        const Buffer& commands;   ///< VkDrawIndexedIndirectCommand
     };
 
-    /// `inputSets` is how often `makeInputs` may be called.
-    static world::Result<DepthPass> create(Device::Impl& device, uint32_t side, DepthFormat format,
-                                           uint32_t inputSets);
-
-    /// A place for the shader's inputs; it lives as long as the pass.
-    world::Result<VkDescriptorSet> makeInputs(const std::string& name);
-    /// Sets inputs: mat3x4 rows, and per instance the number of its rows. No submission that uses them
-    /// may be under way.
-    void bind(VkDescriptorSet inputs, const Buffer& transforms, const Buffer& instances) const;
+    static world::Result<DepthPass> create(Device::Impl& device, uint32_t side, DepthFormat format);
 
     /// The map is in kAttachmentLayout. Never submits, waits or allocates.
     void record(VkCommandBuffer commands, const Image& map, const Work& work, const Buffers& buffers);
 
 private:
     DepthPass(Device::Impl& device, uint32_t side) : device_(&device), side_(side) {}
-    world::Result<world::Done> makeLayout(uint32_t inputSets);
 
     Device::Impl* device_;
     uint32_t side_;
-    SetLayoutHandle setLayout_;
-    DescriptorPoolHandle pool_;  ///< its sets are freed with it
-    PipelineLayoutHandle layout_;
-    PipelineHandle pipeline_;
+    DepthPipeline pipeline_;
     std::vector<VkClearRect> fillRects_;  ///< kept for its memory
 };
 

@@ -13,9 +13,14 @@ VkRect2D toVulkan(const cache::StoreRect& rect) {
 
 bool empty(const cache::StoreRect& rect) { return rect.max.x <= rect.min.x || rect.max.y <= rect.min.y; }
 
-Result<PipelineHandle> createDepthPipeline(Device::Impl& device, VkPipelineLayout layout,
-                                           std::span<const uint32_t> vertexShader, uint32_t side,
-                                           DepthFormat format, const std::string& name) {
+Result<DepthPipeline> createDepthPipeline(Device::Impl& device, std::span<const uint32_t> vertexShader,
+                                          const VkPipelineVertexInputStateCreateInfo& vertices, uint32_t side,
+                                          DepthFormat format, const std::string& name) {
+    VkPipelineLayoutCreateInfo layoutInfo{};
+    layoutInfo.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
+    auto layout = PipelineLayoutHandle::create(device.owner, layoutInfo, name + " layout");
+    if (!layout) return layout.error();
+
     VkShaderModuleCreateInfo module{};
     module.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
     module.codeSize = vertexShader.size_bytes();
@@ -28,14 +33,6 @@ Result<PipelineHandle> createDepthPipeline(Device::Impl& device, VkPipelineLayou
     stage.module = shader.value().raw();
     stage.pName = "main";
 
-    const VkVertexInputBindingDescription binding{0, 3 * sizeof(float), VK_VERTEX_INPUT_RATE_VERTEX};
-    const VkVertexInputAttributeDescription position{0, 0, VK_FORMAT_R32G32B32_SFLOAT, 0};
-    VkPipelineVertexInputStateCreateInfo vertices{};
-    vertices.sType = VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO;
-    vertices.vertexBindingDescriptionCount = 1;
-    vertices.pVertexBindingDescriptions = &binding;
-    vertices.vertexAttributeDescriptionCount = 1;
-    vertices.pVertexAttributeDescriptions = &position;
     VkPipelineInputAssemblyStateCreateInfo assembly{};
     assembly.sType = VK_STRUCTURE_TYPE_PIPELINE_INPUT_ASSEMBLY_STATE_CREATE_INFO;
     assembly.topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
@@ -83,8 +80,10 @@ Result<PipelineHandle> createDepthPipeline(Device::Impl& device, VkPipelineLayou
     info.pMultisampleState = &samples;
     info.pDepthStencilState = &depth;
     info.pDynamicState = &dynamic;
-    info.layout = layout;
-    return PipelineHandle::create(device.owner, info, name);
+    info.layout = layout.value().raw();
+    auto handle = PipelineHandle::create(device.owner, info, name);
+    if (!handle) return handle.error();
+    return DepthPipeline{std::move(layout.value()), std::move(handle.value())};
 }
 
 void beginDepth(VkCommandBuffer commands, const Image& map, uint32_t side, VkAttachmentLoadOp load) {

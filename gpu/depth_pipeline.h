@@ -12,12 +12,20 @@
 
 namespace gpu {
 
-/// Triangle lists of three floats a vertex; depth test LESS, both faces, viewport (0, 0, side, side),
-/// depth [0, 1] mapped and clamped to [kNearestDepth, 1]. Since only the scissor ever changes, what a
-/// triangle leaves in a texel does not depend on the pass that drew it.
-world::Result<PipelineHandle> createDepthPipeline(Device::Impl& device, VkPipelineLayout layout,
-                                                  std::span<const uint32_t> vertexShader, uint32_t side,
-                                                  DepthFormat format, const std::string& name);
+/// Triangle lists; depth test LESS, both faces, viewport (0, 0, side, side), depth [0, 1] mapped and
+/// clamped to [kNearestDepth, 1]. Since only the scissor ever changes, what a triangle leaves in a texel
+/// does not depend on the pass that drew it. The shader's only inputs are vertex attributes.
+struct DepthPipeline {
+    PipelineLayoutHandle layout;
+    PipelineHandle handle;
+};
+world::Result<DepthPipeline> createDepthPipeline(Device::Impl& device, std::span<const uint32_t> vertexShader,
+                                                 const VkPipelineVertexInputStateCreateInfo& vertices,
+                                                 uint32_t side, DepthFormat format, const std::string& name);
+
+/// Positions: three floats a vertex, binding 0, location 0.
+constexpr VkVertexInputBindingDescription kPositionBinding{0, 3 * sizeof(float), VK_VERTEX_INPUT_RATE_VERTEX};
+constexpr VkVertexInputAttributeDescription kPosition{0, 0, VK_FORMAT_R32G32B32_SFLOAT, 0};
 
 /// Begins rendering to a map in kAttachmentLayout; clears it to kEmptyDepth if `load` says so.
 void beginDepth(VkCommandBuffer commands, const Image& map, uint32_t side, VkAttachmentLoadOp load);

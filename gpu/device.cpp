@@ -233,7 +233,6 @@ void readLimits(Device::Impl& impl) {
     impl.name = properties.properties.deviceName;
     impl.driver = std::string(driver.driverName) + " " + driver.driverInfo;
     impl.maxAllocationBytes = std::min(maintenance3.maxMemoryAllocationSize, properties13.maxBufferSize);
-    impl.maxStorageBytes = limits.maxStorageBufferRange;
     impl.maxSide =
         std::min({limits.maxImageDimension2D, limits.maxFramebufferWidth, limits.maxFramebufferHeight,
                   limits.maxViewportDimensions[0], limits.maxViewportDimensions[1]});

@@ -32,7 +32,6 @@ struct Device::Impl {
 
     VkPhysicalDeviceMemoryProperties memory{};
     uint64_t maxAllocationBytes = 0;
-    uint64_t maxStorageBytes = 0;   ///< largest buffer that a shader can see whole
     uint32_t maxSide = 0;           ///< of an image and a viewport [texels]
     uint32_t maxIndirectDraws = 0;  ///< per call
     double timestampMs = 0;         ///< one tick of a timestamp [ms]; 0 if there are none

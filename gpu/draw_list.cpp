@@ -6,18 +6,19 @@
 
 namespace gpu {
 
-void DrawList::begin(std::span<VkDrawIndexedIndirectCommand> commands, std::span<uint32_t> instances) {
+void DrawList::begin(std::span<VkDrawIndexedIndirectCommand> commands, std::span<glm::mat3x4> instances) {
     commands_ = commands;
     instances_ = instances;
     commandCount_ = 0;
     instanceCount_ = 0;
 }
 
-DrawRun DrawList::add(std::span<const cache::DrawItem> items, std::span<const ArenaRange> geometries) {
+DrawRun DrawList::add(std::span<const cache::DrawItem> items, std::span<const ArenaRange> geometries,
+                      std::span<const glm::mat3x4> transforms) {
     keys_.clear();
     for (uint32_t i = 0; i < items.size(); ++i) {
         const cache::DrawItem& item = items[i];
-        CHECK(item.geometry < geometries.size());
+        CHECK(item.geometry < geometries.size() && item.transform < transforms.size());
         const uint32_t available = geometries[item.geometry].indexCount;
         CHECK(item.firstIndex <= available && item.indexCount <= available - item.firstIndex);
         if (item.indexCount == 0) continue;
@@ -37,7 +38,8 @@ DrawRun DrawList::add(std::span<const cache::DrawItem> items, std::span<const Ar
         for (end = begin; end < keys_.size() && keys_[end].geometryAndFirst == range &&
                           keys_[end].countAndItem >> 32 == count;
              ++end)
-            instances_[instanceCount_++] = items[static_cast<uint32_t>(keys_[end].countAndItem)].transform;
+            instances_[instanceCount_++] =
+                transforms[items[static_cast<uint32_t>(keys_[end].countAndItem)].transform];
         const ArenaRange& geometry = geometries[range >> 32];
         commands_[commandCount_++] = {.indexCount = count,
                                       .instanceCount = instanceCount_ - firstInstance,

@@ -23,15 +23,16 @@ struct DrawRun {
     uint32_t first = 0, count = 0;
 };
 
-/// Writes a frame's draws, pass by pass, straight into mapped memory. The order of the draws follows
-/// from the items alone.
+/// Writes a frame's draws and their instances' transforms, pass by pass, straight into mapped memory. The
+/// order of the draws follows from the items alone.
 class DrawList {
 public:
     /// Starts a frame. The spans must hold as many elements as the frame's passes have items.
-    void begin(std::span<VkDrawIndexedIndirectCommand> commands, std::span<uint32_t> instances);
+    void begin(std::span<VkDrawIndexedIndirectCommand> commands, std::span<glm::mat3x4> instances);
     /// Adds one pass. `geometries` is indexed by GeometryId. Items without indices vanish. CHECKs that
-    /// each item's range lies in its mesh level.
-    DrawRun add(std::span<const cache::DrawItem> items, std::span<const ArenaRange> geometries);
+    /// each item's range lies in its mesh level, and its transform among those given.
+    DrawRun add(std::span<const cache::DrawItem> items, std::span<const ArenaRange> geometries,
+                std::span<const glm::mat3x4> transforms);
 
     uint32_t commandCount() const { return commandCount_; }
     uint32_t instanceCount() const { return instanceCount_; }
@@ -47,7 +48,7 @@ private:
     };
     std::vector<Key> keys_;  ///< of one pass; kept for its memory
     std::span<VkDrawIndexedIndirectCommand> commands_;
-    std::span<uint32_t> instances_;
+    std::span<glm::mat3x4> instances_;
     uint32_t commandCount_ = 0, instanceCount_ = 0;
 };
 

@@ -75,8 +75,7 @@ struct Packed {
 struct Floor::Impl {
     Device::Impl& device;
     ShadowMapsConfig config;
-    PipelineLayoutHandle layout;
-    PipelineHandle pipeline;
+    DepthPipeline pipeline;
     std::vector<CascadeMaps> maps;
     Readback readback;
     std::vector<Prepared> prepared;
@@ -96,11 +95,13 @@ Result<std::unique_ptr<Floor>> Floor::create(Device& device, const ShadowMapsCon
     if (side > d.maxSide)
         return Error{ErrorCode::kLimit, "floor: '" + d.name + "' draws at most " + std::to_string(d.maxSide) +
                                             " texels a side; lower --resolution"};
-    VkPipelineLayoutCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
-    auto layout = PipelineLayoutHandle::create(d.owner, info, "floor layout");
-    if (!layout) return layout.error();
-    auto pipeline = createDepthPipeline(d, layout.value().raw(), kFloorVert, side, config.format, "floor");
+    VkPipelineVertexInputStateCreateInfo vertices{};
+    vertices.sType = VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO;
+    vertices.vertexBindingDescriptionCount = 1;
+    vertices.pVertexBindingDescriptions = &kPositionBinding;
+    vertices.vertexAttributeDescriptionCount = 1;
+    vertices.pVertexAttributeDescriptions = &kPosition;
+    auto pipeline = createDepthPipeline(d, kFloorVert, vertices, side, config.format, "floor");
     if (!pipeline) return pipeline.error();
     auto maps = createCascadeMaps(d, config, "floor ");
     if (!maps) return maps.error();
@@ -110,7 +111,6 @@ Result<std::unique_ptr<Floor>> Floor::create(Device& device, const ShadowMapsCon
     if (!frame) return frame.error();
     std::unique_ptr<Impl> impl(new Impl{.device = d,
                                         .config = config,
-                                        .layout = std::move(layout.value()),
                                         .pipeline = std::move(pipeline.value()),
                                         .maps = std::move(maps.value()),
                                         .readback = std::move(readback.value()),
@@ -171,7 +171,7 @@ void Floor::discard() { impl_->prepared.clear(); }
 
 void Floor::Impl::draw(VkCommandBuffer commands, const Prepared& plan, std::span<const Draw> draws) const {
     if (plan.buffer.bytes == 0) return;
-    vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline.raw());
+    vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline.handle.raw());
     const VkBuffer buffer = plan.buffer.raw();
     const VkDeviceSize start = 0;
     vkCmdBindVertexBuffers(commands, 0, 1, &buffer, &start);

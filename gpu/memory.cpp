@@ -110,12 +110,12 @@ Result<GrowingBuffer> GrowingBuffer::create(Device::Impl& device, uint64_t bytes
     return made;
 }
 
-Result<bool> GrowingBuffer::reserve(Device::Impl& device, uint64_t bytes) {
-    if (bytes <= buffer_.bytes) return false;
+Result<world::Done> GrowingBuffer::reserve(Device::Impl& device, uint64_t bytes) {
+    if (bytes <= buffer_.bytes) return world::Done{};
     auto larger = createBuffer(device, std::max(bytes, 2 * buffer_.bytes), usage_, Home::kUpload, name_);
     if (!larger) return larger.error();
     buffer_ = std::move(larger.value());
-    return true;
+    return world::Done{};
 }
 
 }  // namespace gpu

@@ -44,9 +44,9 @@ class GrowingBuffer {
 public:
     static world::Result<GrowingBuffer> create(Device::Impl& device, uint64_t bytes, VkBufferUsageFlags usage,
                                                const std::string& name);
-    /// Room for `bytes`, at least doubling when there is too little. True when the buffer is another
-    /// one now. The GPU must not be using it. After an error it is as it was.
-    world::Result<bool> reserve(Device::Impl& device, uint64_t bytes);
+    /// Room for `bytes`, at least doubling when there is too little. The GPU must not be using it. After
+    /// an error it is as it was.
+    world::Result<world::Done> reserve(Device::Impl& device, uint64_t bytes);
     const Buffer& buffer() const { return buffer_; }
 
 private:

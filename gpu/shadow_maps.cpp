@@ -40,8 +40,7 @@ struct CascadeWork {
 
 /// What one submission uses until it has finished; then the next one takes the place.
 struct Place {
-    GrowingBuffer transforms, instances, commands;
-    VkDescriptorSet inputs = VK_NULL_HANDLE;
+    GrowingBuffer instances, commands;
     std::vector<CascadeWork> work;
     Ticket ticket = 0;
     Frame frame;  ///< last, so that its destructor waits before the buffers go
@@ -105,8 +104,7 @@ Result<std::unique_ptr<ShadowMaps>> ShadowMaps::create(Device& device, const Sha
                                             std::to_string(d.maxSide) + "; lower --resolution"};
     auto geometry = GeometryStore::create(d, config.geometryBytes);
     if (!geometry) return geometry.error();
-    auto pass = DepthPass::create(d, static_cast<uint32_t>(config.side), config.format,
-                                  static_cast<uint32_t>(config.framesInFlight));
+    auto pass = DepthPass::create(d, static_cast<uint32_t>(config.side), config.format);
     if (!pass) return pass.error();
     std::unique_ptr<Impl> impl(new Impl{.device = d,
                                         .config = config,
@@ -133,26 +131,18 @@ Result<Done> ShadowMaps::Impl::makePlaces() {
     places.reserve(static_cast<size_t>(config.framesInFlight));
     for (int i = 0; i < config.framesInFlight; ++i) {
         const std::string number = std::to_string(i);
-        auto transforms = GrowingBuffer::create(device, kFirstBytes, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT,
-                                                "transforms " + number);
-        if (!transforms) return transforms.error();
-        auto instances = GrowingBuffer::create(device, kFirstBytes, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT,
+        auto instances = GrowingBuffer::create(device, kFirstBytes, VK_BUFFER_USAGE_VERTEX_BUFFER_BIT,
                                                "instances " + number);
         if (!instances) return instances.error();
         auto commands = GrowingBuffer::create(device, kFirstBytes, VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
                                               "indirect draws " + number);
         if (!commands) return commands.error();
-        const auto inputs = pass.makeInputs("depth pass inputs " + number);
-        if (!inputs) return inputs.error();
-        pass.bind(inputs.value(), transforms.value().buffer(), instances.value().buffer());
         const uint32_t stamps =
             config.timestamps ? 1 + kStampsPerCascade * static_cast<uint32_t>(config.cascades) : 0;
         auto frame = Frame::create(device, stamps, "shadow maps frame " + number);
         if (!frame) return frame.error();
-        places.push_back({.transforms = std::move(transforms.value()),
-                          .instances = std::move(instances.value()),
+        places.push_back({.instances = std::move(instances.value()),
                           .commands = std::move(commands.value()),
-                          .inputs = inputs.value(),
                           .work = std::vector<CascadeWork>(static_cast<size_t>(config.cascades)),
                           .ticket = 0,
                           .frame = std::move(frame.value())});
@@ -213,7 +203,6 @@ void ShadowMaps::Impl::check(const FramePlan& plan) const {
             }
     }
     for (const cache::DrawItem& item : plan.items) {
-        CHECK(item.transform < plan.transforms.size());
         CHECK(geometry.live(item.geometry));
     }
 }
@@ -224,28 +213,19 @@ Result<Done> ShadowMaps::Impl::fill(const FramePlan& plan, Place& place) {
     for (const CascadePlan& cascade : plan.cascades)
         for (const auto* passes : {&cascade.staticPasses, &cascade.activePasses})
             for (const cache::DrawPass& p : *passes) items += p.itemCount;
-    const uint64_t transformBytes = plan.transforms.size() * sizeof(glm::mat3x4);
-    const uint64_t instanceBytes = items * sizeof(uint32_t);
-    // A doubled buffer must still be one that the shader can see whole.
-    if (std::max(transformBytes, instanceBytes) > device.maxStorageBytes / 2)
-        return Error{ErrorCode::kLimit, "frame plan: " + std::to_string(plan.transforms.size()) +
-                                            " transforms and " + std::to_string(items) +
-                                            " draws are more than '" + device.name +
+    const uint64_t instanceBytes = items * sizeof(glm::mat3x4);
+    // A doubled buffer must still be one that the device can give.
+    if (instanceBytes > device.maxAllocationBytes / 2)
+        return Error{ErrorCode::kLimit, "frame plan: " + std::to_string(items) + " draws are more than '" +
+                                            device.name +
                                             "' takes at once; use fewer cascades or a lower far distance"};
-    const auto moreTransforms = place.transforms.reserve(device, transformBytes);
-    if (!moreTransforms) return moreTransforms.error();
     const auto moreInstances = place.instances.reserve(device, instanceBytes);
-    // The first may have moved already: the shader must not keep a buffer that is gone.
-    if (moreTransforms.value() || (moreInstances && moreInstances.value()))
-        pass.bind(place.inputs, place.transforms.buffer(), place.instances.buffer());
-    if (!moreInstances) return moreInstances.error();
+    if (!moreInstances) return moreInstances;
     const auto moreCommands = place.commands.reserve(device, items * sizeof(VkDrawIndexedIndirectCommand));
-    if (!moreCommands) return moreCommands.error();
+    if (!moreCommands) return moreCommands;
 
-    if (transformBytes > 0)
-        std::memcpy(place.transforms.buffer().mapped, plan.transforms.data(), transformBytes);
     drawList.begin({reinterpret_cast<VkDrawIndexedIndirectCommand*>(place.commands.buffer().mapped), items},
-                   {reinterpret_cast<uint32_t*>(place.instances.buffer().mapped), items});
+                   {reinterpret_cast<glm::mat3x4*>(place.instances.buffer().mapped), items});
     for (size_t c = 0; c < plan.cascades.size(); ++c) {
         const auto add = [&](const std::vector<cache::DrawPass>& passes,
                              std::vector<DepthPass::Draws>& draws) {
@@ -253,12 +233,12 @@ Result<Done> ShadowMaps::Impl::fill(const FramePlan& plan, Place& place) {
             for (const cache::DrawPass& p : passes)
                 draws.push_back(
                     {p.scissor, drawList.add(std::span(plan.items).subspan(p.firstItem, p.itemCount),
-                                             geometry.ranges())});
+                                             geometry.ranges(), plan.transforms)});
         };
         add(plan.cascades[c].staticPasses, place.work[c].staticDraws);
         add(plan.cascades[c].activePasses, place.work[c].activeDraws);
     }
-    uploaded += transformBytes + drawList.instanceCount() * sizeof(uint32_t) +
+    uploaded += drawList.instanceCount() * sizeof(glm::mat3x4) +
                 drawList.commandCount() * sizeof(VkDrawIndexedIndirectCommand);
     return Done{};
 }
@@ -267,8 +247,9 @@ Result<Done> ShadowMaps::Impl::fill(const FramePlan& plan, Place& place) {
 /// on a software driver each one waits for everything before it.
 void ShadowMaps::Impl::record(VkCommandBuffer commandBuffer, const FramePlan& plan, Place& place,
                               std::vector<CascadeMaps>& target) {
-    const DepthPass::Buffers buffers{
-        .geometry = geometry.buffer(), .commands = place.commands.buffer(), .inputs = place.inputs};
+    const DepthPass::Buffers buffers{.geometry = geometry.buffer(),
+                                     .instances = place.instances.buffer(),
+                                     .commands = place.commands.buffer()};
     Frame& frame = place.frame;
     std::vector<CascadeWork>& work = place.work;
     const size_t count = plan.cascades.size();

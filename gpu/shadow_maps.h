@@ -59,7 +59,7 @@ public:
     /// No later plan may draw it. Its space and its id go back once no submitted plan can read it.
     void release(cache::GeometryId id);
     uint64_t geometryBytesUsed() const;  ///< with what is released and still read
-    uint64_t uploadedBytes() const;      ///< since creation: geometry, transforms and commands
+    uint64_t uploadedBytes() const;      ///< since creation: geometry, instances and commands
 
     /// Executes the plan on the cache and working maps in one submission, after those before it. Waits
     /// only for a place: while `framesInFlight` submissions are under way, for the oldest of them. The

@@ -81,12 +81,6 @@ using ImageViewHandle = Handle<VkImageView, VkImageViewCreateInfo, vkCreateImage
                                VK_OBJECT_TYPE_IMAGE_VIEW, "vkCreateImageView">;
 using ShaderHandle = Handle<VkShaderModule, VkShaderModuleCreateInfo, vkCreateShaderModule,
                             vkDestroyShaderModule, VK_OBJECT_TYPE_SHADER_MODULE, "vkCreateShaderModule">;
-using SetLayoutHandle =
-    Handle<VkDescriptorSetLayout, VkDescriptorSetLayoutCreateInfo, vkCreateDescriptorSetLayout,
-           vkDestroyDescriptorSetLayout, VK_OBJECT_TYPE_DESCRIPTOR_SET_LAYOUT, "vkCreateDescriptorSetLayout">;
-using DescriptorPoolHandle =
-    Handle<VkDescriptorPool, VkDescriptorPoolCreateInfo, vkCreateDescriptorPool, vkDestroyDescriptorPool,
-           VK_OBJECT_TYPE_DESCRIPTOR_POOL, "vkCreateDescriptorPool">;
 using PipelineLayoutHandle =
     Handle<VkPipelineLayout, VkPipelineLayoutCreateInfo, vkCreatePipelineLayout, vkDestroyPipelineLayout,
            VK_OBJECT_TYPE_PIPELINE_LAYOUT, "vkCreatePipelineLayout">;

@@ -1,22 +1,18 @@
 // gpu/shaders/depth.vert — a vertex to clip space; the depth pass has no other shader.
-// The layouts match cache::FramePlan::transforms and what gpu/draw_list.h writes.
 #version 450
 
-struct Rows {
-    vec4 x, y, depth;
-};
-layout(std430, set = 0, binding = 0) readonly buffer Transforms { Rows clipFromMesh[]; };
-layout(std430, set = 0, binding = 1) readonly buffer Instances { uint transformOf[]; };
-
 layout(location = 0) in vec3 pMesh;
+// Rows of the instance's map to clip space. As attributes a software driver reads them once per draw;
+// from a storage buffer it would gather them for every vertex.
+layout(location = 1) in vec4 rowX;
+layout(location = 2) in vec4 rowY;
+layout(location = 3) in vec4 rowDepth;
 
 void main() {
-    // gl_InstanceIndex counts from the draw's firstInstance, so each draw reads its own stretch.
-    const Rows m = clipFromMesh[transformOf[gl_InstanceIndex]];
     // Products and sums in this order, each rounded to float: the CPU can compute the same bits.
-    precise vec3 pClip = vec3(m.x.x, m.y.x, m.depth.x) * pMesh.x;
-    pClip += vec3(m.x.y, m.y.y, m.depth.y) * pMesh.y;
-    pClip += vec3(m.x.z, m.y.z, m.depth.z) * pMesh.z;
-    pClip += vec3(m.x.w, m.y.w, m.depth.w);
+    precise vec3 pClip = vec3(rowX.x, rowY.x, rowDepth.x) * pMesh.x;
+    pClip += vec3(rowX.y, rowY.y, rowDepth.y) * pMesh.y;
+    pClip += vec3(rowX.z, rowY.z, rowDepth.z) * pMesh.z;
+    pClip += vec3(rowX.w, rowY.w, rowDepth.w);
     gl_Position = vec4(pClip, 1.0);
 }

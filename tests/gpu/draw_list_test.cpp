@@ -14,9 +14,16 @@ using cache::DrawItem;
 /// One drawn range: index range in the arena, base vertex, transform.
 using Drawn = std::array<int64_t, 4>;
 
+/// Transforms that tell their number.
+std::vector<glm::mat3x4> numbered() {
+    std::vector<glm::mat3x4> transforms;
+    for (int i = 0; i < 50; ++i) transforms.emplace_back(static_cast<float>(i));
+    return transforms;
+}
+
 struct Lists {
     std::vector<VkDrawIndexedIndirectCommand> commands;
-    std::vector<uint32_t> instances;
+    std::vector<glm::mat3x4> instances;
     gpu::DrawList list;
 
     explicit Lists(size_t items) : commands(items), instances(items) { list.begin(commands, instances); }
@@ -26,7 +33,7 @@ struct Lists {
         for (uint32_t c = run.first; c < run.first + run.count; ++c)
             for (uint32_t i = 0; i < commands[c].instanceCount; ++i)
                 drawn.push_back({commands[c].firstIndex, commands[c].indexCount, commands[c].vertexOffset,
-                                 instances[commands[c].firstInstance + i]});
+                                 static_cast<int64_t>(instances[commands[c].firstInstance + i][0].x)});
         std::sort(drawn.begin(), drawn.end());
         return drawn;
     }
@@ -47,7 +54,7 @@ TEST(DrawList, DrawsEachItemOnceAndEachRangeWithOneCommand) {
         for (size_t first = 0; first < items.size();) {
             const size_t count = std::min(items.size() - first, 1 + rng() % 200);
             const auto pass = std::span(items).subspan(first, count);
-            const gpu::DrawRun run = lists.list.add(pass, geometries);
+            const gpu::DrawRun run = lists.list.add(pass, geometries, numbered());
             std::vector<Drawn> expected;
             std::set<std::array<uint32_t, 3>> ranges;
             for (const DrawItem& item : pass) {
@@ -67,7 +74,7 @@ TEST(DrawList, DrawsEachItemOnceAndEachRangeWithOneCommand) {
 
 TEST(DrawList, AnEmptyPassHasNoDraws) {
     Lists lists(0);
-    EXPECT_EQ(lists.list.add({}, {}).count, 0u);
+    EXPECT_EQ(lists.list.add({}, {}, {}).count, 0u);
     EXPECT_EQ(lists.list.commandCount(), 0u);
     EXPECT_EQ(lists.list.instanceCount(), 0u);
 }
@@ -76,10 +83,12 @@ TEST(DrawListDeathTest, StopsAtARangeOutsideItsMesh) {
     GTEST_FLAG_SET(death_test_style, "threadsafe");  // a driver that other tests loaded has threads
     const std::vector<gpu::ArenaRange> geometries{{0, 0, 30}};
     Lists lists(1);
-    const DrawItem beyond{0, 15, 18, 0}, wraps{0, 3, UINT32_MAX, 0}, foreign{1, 0, 3, 0};
-    EXPECT_DEATH(lists.list.add({&beyond, 1}, geometries), "broken invariant");
-    EXPECT_DEATH(lists.list.add({&wraps, 1}, geometries), "broken invariant");
-    EXPECT_DEATH(lists.list.add({&foreign, 1}, geometries), "broken invariant");
+    const DrawItem beyond{0, 15, 18, 0}, wraps{0, 3, UINT32_MAX, 0}, foreign{1, 0, 3, 0},
+        nowhere{0, 0, 3, 50};
+    EXPECT_DEATH(lists.list.add({&beyond, 1}, geometries, numbered()), "broken invariant");
+    EXPECT_DEATH(lists.list.add({&wraps, 1}, geometries, numbered()), "broken invariant");
+    EXPECT_DEATH(lists.list.add({&foreign, 1}, geometries, numbered()), "broken invariant");
+    EXPECT_DEATH(lists.list.add({&nowhere, 1}, geometries, numbered()), "broken invariant");
 }
 
 }  // namespace

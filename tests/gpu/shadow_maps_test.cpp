@@ -390,28 +390,28 @@ TEST_F(Maps, BuffersGrowWithThePlanAndServeSmallOnesAfterwards) {
         const uint64_t before = maps->uploadedBytes();
         plan.cascades[0].staticPasses = {addPass(plan, quad, side, quads, whole(side))};
         execute(plan);
-        // One instanced draw: rows and a number per item, and one command.
-        EXPECT_EQ(maps->uploadedBytes() - before, quads.size() * (48 + 4) + 20);
+        // One instanced draw: rows per item, and one command.
+        EXPECT_EQ(maps->uploadedBytes() - before, quads.size() * 48 + 20);
         std::vector<float> expected(side * side, 1.0f);
         for (const Quad& q : quads) drawOnCpu(expected, side, q);
         ASSERT_EQ(wrong(read(MapKind::kCache), expected), 0u) << count;
     }
 }
 
-TEST_F(Maps, MoreThanTheShaderCanSeeIsRefused) {
+TEST_F(Maps, MoreThanTheDeviceTakesIsRefused) {
     const int side = 16;
     makeMaps(side);
     const cache::GeometryId quad = upload(unitQuad());
     cache::FramePlan plan = emptyPlan();
     plan.cascades[0].staticPasses = {
         addPass(plan, quad, side, std::vector<Quad>(3000, {{0, 0}, {4, 4}, 0.5}), whole(side))};
-    const uint64_t limit = std::exchange(device->impl().maxStorageBytes, 200'000);
+    const uint64_t limit = std::exchange(device->impl().maxAllocationBytes, 200'000);
     const auto refusal = maps->execute(plan);
     ASSERT_FALSE(refusal);
     EXPECT_EQ(refusal.error().code, world::ErrorCode::kLimit);
     EXPECT_NE(refusal.error().what.find("3000 draws"), std::string::npos) << refusal.error().what;
     EXPECT_EQ(covered(read(MapKind::kCache)), 0);
-    device->impl().maxStorageBytes = limit;
+    device->impl().maxAllocationBytes = limit;
     execute(plan);
     EXPECT_GT(covered(read(MapKind::kCache)), 0);
 }
