@@ -42,8 +42,8 @@ struct CascadeWork {
 struct Place {
     GrowingBuffer instances, commands;
     std::vector<CascadeWork> work;
-    Ticket ticket = 0;
-    Frame frame;  ///< last, so that its destructor waits before the buffers go
+    Ticket ticket = 0;  ///< of its last submission; 0: that had none
+    Frame frame;        ///< last, so that its destructor waits before the buffers go
 };
 
 /// What `finish` tells of a ticket.
@@ -87,7 +87,8 @@ struct ShadowMaps::Impl {
 
     Outcome& outcome(Ticket ticket) { return outcomes[ticket % kTicketsKept]; }
     Result<Place*> claim();
-    Result<Ticket> launch(Place& place);
+    Ticket giveTicket(bool submitted);
+    Result<Done> runAlone(Place& place);
     Result<Done> settle(Place& place);
     Result<Done> settleUpTo(Ticket ticket);
     void reclaim();
@@ -159,9 +160,7 @@ Result<std::vector<CascadeMaps>> ShadowMaps::Impl::makeMaps(const std::string& p
     const auto commandBuffer = frame.begin();
     if (!commandBuffer) return commandBuffer.error();
     recordNew(frame, commandBuffer.value(), made.value(), static_cast<uint32_t>(config.side));
-    const auto ticket = launch(*place.value());
-    if (!ticket) return ticket.error();
-    if (const auto finished = finish(ticket.value()); !finished) return finished.error();
+    if (const auto done = runAlone(*place.value()); !done) return done.error();
     return made;
 }
 
@@ -202,9 +201,7 @@ void ShadowMaps::Impl::check(const FramePlan& plan) const {
                 CHECK(p.firstItem <= plan.items.size() && p.itemCount <= plan.items.size() - p.firstItem);
             }
     }
-    for (const cache::DrawItem& item : plan.items) {
-        CHECK(geometry.live(item.geometry));
-    }
+    for (const cache::DrawItem& item : plan.items) CHECK(geometry.live(item.geometry));
 }
 
 /// Writes the place's buffers and notes each pass's draws in its `work`.
@@ -292,23 +289,29 @@ Result<Place*> ShadowMaps::Impl::claim() {
     return &place;
 }
 
-/// Submits what the claimed place has recorded.
-Result<Ticket> ShadowMaps::Impl::launch(Place& place) {
-    if (const auto submitted = place.frame.submit(); !submitted) return submitted.error();
-    next = (next + 1) % places.size();
-    place.ticket = ++last;
-    Outcome& o = outcome(last);
+/// The next ticket, with an outcome that tells of no cost yet.
+Ticket ShadowMaps::Impl::giveTicket(bool submitted) {
+    Outcome& o = outcome(++last);
     o.error.reset();
     o.times.cascades.assign(static_cast<size_t>(config.cascades), {});
-    o.times.submitted = true;
+    o.times.recordMs = o.times.wallMs = 0;
+    o.times.submitted = submitted;
     return last;
+}
+
+/// Submits what the claimed place has recorded and waits. It reads no geometry and takes no ticket.
+Result<Done> ShadowMaps::Impl::runAlone(Place& place) {
+    place.ticket = 0;
+    if (const auto submitted = place.frame.submit(); !submitted) return submitted;
+    return place.frame.settle();
 }
 
 /// Waits for a place's submission and notes its outcome. Nothing to do where none is under way.
 Result<Done> ShadowMaps::Impl::settle(Place& place) {
     if (!place.frame.pending()) return Done{};
     const auto settled = place.frame.settle();
-    if (last - place.ticket >= kTicketsKept) return settled;  // nobody may ask any more
+    // Nobody asks, or may ask any more.
+    if (place.ticket == 0 || last - place.ticket >= kTicketsKept) return settled;
     Outcome& o = outcome(place.ticket);
     o.error.reset();
     if (!settled) {
@@ -342,18 +345,13 @@ void ShadowMaps::Impl::reclaim() {
         Place& place = places[(next + i) % places.size()];
         // An error is kept for whoever finishes the ticket.
         if (place.frame.done()) static_cast<void>(settle(place));
-        if (place.frame.pending()) return geometry.reclaim(place.ticket - 1);
+        if (place.frame.pending()) return geometry.reclaim(std::max<Ticket>(place.ticket, 1) - 1);
     }
     geometry.reclaim(last);
 }
 
 Result<Ticket> ShadowMaps::Impl::submit(const FramePlan& plan, std::vector<CascadeMaps>& target) {
-    if (plan.idle()) {
-        Outcome& o = outcome(++last);
-        o = {};
-        o.times.cascades.resize(static_cast<size_t>(config.cascades));
-        return last;
-    }
+    if (plan.idle()) return giveTicket(false);
     check(plan);
     const auto claimed = claim();
     if (!claimed) return claimed.error();
@@ -364,9 +362,11 @@ Result<Ticket> ShadowMaps::Impl::submit(const FramePlan& plan, std::vector<Casca
     if (!commandBuffer) return commandBuffer.error();
     record(commandBuffer.value(), plan, place, target);
     const double recordMs = msSince(start);
-    const auto ticket = launch(place);
-    if (ticket) outcome(ticket.value()).times.recordMs = recordMs;
-    return ticket;
+    if (const auto submitted = place.frame.submit(); !submitted) return submitted.error();
+    next = (next + 1) % places.size();
+    place.ticket = giveTicket(true);
+    outcome(place.ticket).times.recordMs = recordMs;
+    return place.ticket;
 }
 
 Result<GpuTimes> ShadowMaps::Impl::finish(Ticket ticket) {
@@ -419,9 +419,7 @@ Result<std::vector<float>> ShadowMaps::read(int cascade, MapKind kind) {
     const auto commandBuffer = frame.begin();
     if (!commandBuffer) return commandBuffer.error();
     impl.readback->record(frame, commandBuffer.value(), map);
-    const auto ticket = impl.launch(*place.value());
-    if (!ticket) return ticket.error();
-    if (const auto finished = impl.finish(ticket.value()); !finished) return finished.error();
+    if (const auto done = impl.runAlone(*place.value()); !done) return done.error();
     return impl.readback->depths();
 }
 

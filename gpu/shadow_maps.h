@@ -30,7 +30,7 @@ struct CascadeTimes {
 struct GpuTimes {
     std::vector<CascadeTimes> cascades;
     double recordMs = 0;  ///< CPU time to fill buffers and record commands
-    double wallMs = 0;    ///< from vkQueueSubmit to when its fence was seen
+    double wallMs = 0;    ///< from vkQueueSubmit to when its fence was seen, behind earlier plans or not
     bool submitted = false;
 };
 
@@ -65,8 +65,8 @@ public:
     /// only for a place: while `framesInFlight` submissions are under way, for the oldest of them. The
     /// plan may change as soon as this returns. An idle plan takes no place and is finished at once.
     world::Result<Ticket> submit(const cache::FramePlan& plan);
-    /// Waits for a submitted plan; what it cost. At most kTicketsKept plans may have been submitted
-    /// since. After an error what the maps hold is unknown.
+    /// Waits for a submitted plan; what it cost. May be asked again, as long as fewer than kTicketsKept
+    /// plans (redraws count) have been submitted since. After an error what the maps hold is unknown.
     world::Result<GpuTimes> finish(Ticket ticket);
     static constexpr Ticket kTicketsKept = 64;
     /// `submit` and `finish`.
