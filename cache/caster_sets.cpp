@@ -1,6 +1,7 @@
 #include "cache/caster_sets.h"
 
 #include <algorithm>
+#include <limits>
 
 namespace cache {
 
@@ -16,6 +17,15 @@ void CasterSets::moved(world::CasterId caster, double time) {
     } else {
         lastMove_[static_cast<size_t>(index)] = time;
     }
+}
+
+void CasterSets::keepActive(world::CasterId caster) { moved(caster, std::numeric_limits<double>::infinity()); }
+
+void CasterSets::forget(world::CasterId caster) {
+    const auto at = std::lower_bound(active_.begin(), active_.end(), caster);
+    if (at == active_.end() || *at != caster) return;
+    lastMove_.erase(lastMove_.begin() + (at - active_.begin()));
+    active_.erase(at);
 }
 
 std::vector<world::CasterId> CasterSets::promote(double time) {

@@ -19,6 +19,10 @@ public:
 
     /// The caster moved at `time` [s]: it is active from now on.
     void moved(world::CasterId caster, double time);
+    /// The caster changes its shape all the time: it is active from now on and never promoted.
+    void keepActive(world::CasterId caster);
+    /// The caster is gone.
+    void forget(world::CasterId caster);
     /// Active casters that have rested long enough leave the active set: longest rest first, then by
     /// id. Returned ascending.
     std::vector<world::CasterId> promote(double time);

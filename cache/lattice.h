@@ -15,10 +15,16 @@ namespace cache {
 struct Lattice {
     double texel = 1;  ///< edge of one texel [m], > 0
     int64_t side = 1;  ///< window edge [texels], > 0
+    int64_t step = 1;  ///< windows start at multiples of this [texels], > 0
 
-    /// Low corner of the window centred nearest (x, y) [m, light space]: the texel snap.
+    /// The texel that holds (x, y) [m, light space].
+    Texel texelAt(glm::dvec2 pLight) const { return Texel(glm::floor(pLight / texel)); }
+
+    /// Low corner of the window centred nearest (x, y) [m, light space]: the texel snap. The centre is
+    /// off by half a texel and half a step at most.
     Texel windowAt(glm::dvec2 pLight) const {
-        return Texel(glm::floor(pLight / texel + 0.5)) - side / 2;
+        const Texel low = Texel(glm::floor(pLight / texel + 0.5)) - side / 2 + step / 2;
+        return low - ((low % step) + step) % step;
     }
     TexelRect window(Texel low) const { return {low, low + side}; }
 

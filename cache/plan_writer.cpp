@@ -93,6 +93,7 @@ PlanWriter::Counts PlanWriter::draw(const Piece& piece, std::span<const world::C
             ++counts_.clustersFound;
             if (hide && scene_.occlusion->hidden(cascade_, caster, k)) {
                 ++counts_.clustersHidden;
+                counts_.trianglesHidden += level_->clusters[k].indexCount / 3;
                 continue;
             }
             add(k);

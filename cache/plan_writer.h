@@ -28,7 +28,14 @@ public:
 
     struct Counts {
         Cost cost;  ///< texels stay 0
-        uint64_t clustersFound = 0, clustersHidden = 0;
+        uint64_t clustersFound = 0, clustersHidden = 0, trianglesHidden = 0;
+        Counts& operator+=(const Counts& o) {
+            cost += o.cost;
+            clustersFound += o.clustersFound;
+            clustersHidden += o.clustersHidden;
+            trianglesHidden += o.trianglesHidden;
+            return *this;
+        }
     };
 
     /// Adds a pass that draws into `piece` every cluster of `casters` that may touch it.

@@ -21,6 +21,9 @@ TexelRect footprint(const Lattice& lattice, const culling::LightCaster& caster, 
     return lattice.footprint(origin + glm::dvec2(rect.min), origin + glm::dvec2(rect.max));
 }
 
+/// A block no longer than this [texels] is not cut further to fit a limit.
+constexpr int64_t kSmallestBlock = 4;
+
 /// Static casters over a region of the lattice, with the texel of room that drawing leaves.
 void staticsOver(const Scene& scene, const Lattice& lattice, const TexelRect& rect,
                  std::vector<world::CasterId>& casters) {
@@ -32,6 +35,7 @@ void tally(CascadeStatistics& statistics, Cost& cost, const PlanWriter::Counts& 
     cost += counts.cost;
     statistics.clustersFound += counts.clustersFound;
     statistics.clustersHidden += counts.clustersHidden;
+    statistics.trianglesHidden += counts.trianglesHidden;
 }
 
 /// Copies the dirty rectangles of the cache map over the working map and draws active casters there.
@@ -46,52 +50,21 @@ void writeWorking(const Scene& scene, const Lattice& lattice, std::span<const Te
     }
 }
 
-}  // namespace
-
-ShadowCache::ShadowCache(std::vector<culling::Cascade> cascades, const CacheConfig& config) : config_(config) {
-    for (const culling::Cascade& c : cascades) states_.push_back({{c.texel, config.side}, {}, false});
-}
-
-TexelRect ShadowCache::windowAround(int cascade, glm::dvec2 eye) const {
-    const Lattice& lattice = states_[size_t(cascade)].lattice;
-    return lattice.window(lattice.windowAt(eye));
-}
-
-void ShadowCache::forget() {
-    for (State& state : states_) state.drawn = false;
-}
-
-void ShadowCache::findRegions(const Scene& scene, const Events& events, int cascade, TexelRect window,
-                              std::vector<Region>& regions) const {
-    const State& state = states_[size_t(cascade)];
-    const Lattice& lattice = state.lattice;
-    regions.clear();
-    if (!state.drawn || isJump(state.window.min, window.min, lattice.side)) {
-        regions.push_back({window, state.drawn ? Cause::kJump : Cause::kStart, true});
-        return;
-    }
-    RectSet covered;
-    const auto cover = [&](const TexelRect& rect, Cause cause, bool clear) {
-        RectSet fresh;
-        fresh.addExactly(rect);
-        for (const TexelRect& r : covered.rects()) fresh.remove(r);
-        for (const TexelRect& r : fresh.rects()) {
-            covered.addExactly(r);
-            regions.push_back({r, cause, clear});
-        }
-    };
-    for (const TexelRect& slab : exposedSlabs(state.window.min, window.min, lattice.side))
-        cover(slab, Cause::kScroll, true);
-
+/// Where static casters left: for each cause, merged where that is cheaper.
+void departed(const Lattice& lattice, const TexelRect& window, const Events& events, auto add) {
     RectSet rects;
-    if (config_.sabotage != Sabotage::kDeafDeparture) {
-        for (Cause cause : {Cause::kDeparture, Cause::kDemotion}) {
-            rects.clear();
-            for (const Departure& d : events.departures)
-                if (d.cause == cause) rects.add(intersection(footprint(lattice, d.bounds), window));
-            for (const TexelRect& r : rects.rects()) cover(r, cause, true);
-        }
+    for (Cause cause : {Cause::kDeparture, Cause::kDemotion}) {
+        rects.clear();
+        for (const Departure& d : events.departures)
+            if (d.cause == cause) rects.add(intersection(footprint(lattice, d.bounds), window));
+        for (const TexelRect& r : rects.rects()) add(r, cause);
     }
+}
+
+/// Where static casters joined and show.
+void arrived(const Scene& scene, const Lattice& lattice, int cascade, const TexelRect& window, const Events& events,
+             auto add) {
+    RectSet rects;
     for (Cause cause : {Cause::kArrival, Cause::kPromotion}) {
         rects.clear();
         for (const Arrival& a : events.arrivals) {
@@ -105,69 +78,332 @@ void ShadowCache::findRegions(const Scene& scene, const Events& events, int casc
                     shown = hull(shown, footprint(lattice, caster, clusters[k]));
             rects.add(intersection(shown, window));
         }
-        for (const TexelRect& r : rects.rects()) cover(r, cause, false);
+        for (const TexelRect& r : rects.rects()) add(r, cause);
     }
 }
 
-void ShadowCache::plan(const Scene& scene, const Events& events, glm::dvec2 eye, FramePlan& plan,
+}  // namespace
+
+/// One frame being planned.
+class ShadowCache::Frame {
+public:
+    Frame(ShadowCache& cache, const Scene& scene, const Events& events, const Demand& demand, FramePlan& plan,
+          std::vector<CascadeStatistics>& statistics);
+    void run();
+
+private:
+    struct Cascade {
+        TexelRect before;           ///< window of the frame before
+        Texel eye{0};
+        RectSet drawn, forgotten;   ///< of the cache map: what the working map must follow
+        PlanWriter writer;
+    };
+    void sleep(size_t cascade);
+    void collect(size_t cascade);
+    void drawAll();
+    void drawWithin(Limits limits);
+    bool take(Work work, Limits& left);
+    PlanWriter::Counts write(const Work& work);
+    void owe(const Work& work, const TexelRect& rect);
+    void forgetDepths(size_t cascade, const TexelRect& rect);
+    void count(size_t cascade);
+
+    ShadowCache& cache_;
+    const Scene& scene_;
+    const Events& events_;
+    const Demand& demand_;
+    FramePlan& plan_;
+    std::vector<CascadeStatistics>& statistics_;
+    std::vector<Cascade> cascades_;
+    std::vector<Work> work_;
+    std::vector<world::CasterId> arrivals_, casters_;
+    std::vector<Piece> pieces_;
+    Cost drawn_;  ///< so far, where there are limits
+};
+
+ShadowCache::Frame::Frame(ShadowCache& cache, const Scene& scene, const Events& events, const Demand& demand,
+                          FramePlan& plan, std::vector<CascadeStatistics>& statistics)
+    : cache_(cache), scene_(scene), events_(events), demand_(demand), plan_(plan), statistics_(statistics) {
+    for (const Arrival& a : events.arrivals) arrivals_.push_back(a.caster);
+    for (size_t c = 0; c < cache.states_.size(); ++c) {
+        const State& state = cache.states_[c];
+        cascades_.push_back({state.window, state.lattice.texelAt(demand.eye), RectSet(), RectSet(),
+                             PlanWriter(scene, cache.config_, int(c), state.lattice, plan)});
+    }
+}
+
+/// Notes what happens under a window that nobody looks at.
+void ShadowCache::Frame::sleep(size_t c) {
+    State& state = cache_.states_[c];
+    CascadeStatistics& s = statistics_[c];
+    s.asleep = true;
+    s.window = state.window.min;
+    if (!state.drawn) return;
+    const auto owe = [&](const TexelRect& rect, Cause cause) {
+        state.owed.add({rect, cause, Owes::kStale, cache_.frame_});
+    };
+    if (cache_.config_.sabotage != Sabotage::kDeafDeparture) departed(state.lattice, state.window, events_, owe);
+    arrived(scene_, state.lattice, int(c), state.window, events_, owe);
+    if (cache_.config_.sabotage != Sabotage::kSleptMotion)
+        for (const world::Box& box : events_.activeDirt)
+            state.slept.add(intersection(footprint(state.lattice, box), state.window));
+}
+
+/// Moves the window and lists what is to be drawn in it, the oldest debts first.
+void ShadowCache::Frame::collect(size_t c) {
+    State& state = cache_.states_[c];
+    CascadeStatistics& s = statistics_[c];
+    const TexelRect window = cache_.windowAround(int(c), demand_.eye), before = state.window;
+    const bool held = state.drawn;
+    if (held) s.move = window.min - before.min;
+    state.window = window;
+    state.drawn = true;
+    s.window = window.min;
+
+    const auto add = [&](const OwedRegion& region, bool clear) { work_.push_back({int(c), region, clear}); };
+    const uint64_t now = cache_.frame_;
+    if (!held || isJump(before.min, window.min, state.lattice.side)) {
+        state.owed.clear();
+        state.slept.clear();
+        add({window, held ? Cause::kJump : Cause::kStart, Owes::kUnknown, now}, true);
+        return;
+    }
+    state.owed.clip(window);
+    forgetDepths(c, state.owed.compact());
+    RectSet covered;
+    for (const OwedRegion& region : state.owed.regions()) {
+        add(region, true);
+        covered.addExactly(region.rect);
+    }
+    const auto cover = [&](const TexelRect& rect, Cause cause, Owes owes, bool clear) {
+        RectSet fresh;
+        fresh.addExactly(rect);
+        for (const TexelRect& r : covered.rects()) fresh.remove(r);
+        for (const TexelRect& r : fresh.rects()) {
+            covered.addExactly(r);
+            add({r, cause, owes, now}, clear);
+        }
+    };
+    for (const TexelRect& slab : exposedSlabs(before.min, window.min, state.lattice.side))
+        cover(slab, Cause::kScroll, Owes::kUnknown, true);
+    if (cache_.config_.sabotage != Sabotage::kDeafDeparture)
+        departed(state.lattice, window, events_,
+                 [&](const TexelRect& r, Cause cause) { cover(r, cause, Owes::kStale, true); });
+    arrived(scene_, state.lattice, int(c), window, events_,
+            [&](const TexelRect& r, Cause cause) { cover(r, cause, Owes::kStale, false); });
+    state.owed.clear();  // all of it is in the list now; what is left undone comes back
+}
+
+PlanWriter::Counts ShadowCache::Frame::write(const Work& work) {
+    const State& state = cache_.states_[size_t(work.cascade)];
+    const TexelRect& rect = work.region.rect;
+    CascadePlan& cascade = plan_.cascades[size_t(work.cascade)];
+    pieces_.clear();
+    splitAtWrap(state.lattice, rect, pieces_);
+    if (work.clear) {
+        staticsOver(scene_, state.lattice, rect, casters_);
+        if (cache_.config_.sabotage == Sabotage::kLiteralScroll && work.region.cause == Cause::kScroll)
+            std::erase_if(casters_, [&](world::CasterId id) {
+                return footprint(state.lattice, scene_.light[id].bounds)
+                    .overlaps(cascades_[size_t(work.cascade)].before);
+            });
+    }
+    PlanWriter::Counts counts;
+    for (const Piece& piece : pieces_) {
+        counts.cost.texels += static_cast<uint64_t>(piece.rect.area());
+        if (work.clear) cascade.clears.push_back(piece.store);
+        // Whatever is new in a region that keeps its texels is drawn under their one cause.
+        counts += cascades_[size_t(work.cascade)].writer.draw(piece, work.clear ? casters_ : arrivals_,
+                                                              scene_.occlusion != nullptr, cascade.staticPasses);
+    }
+    return counts;
+}
+
+void ShadowCache::Frame::drawAll() {
+    for (const Work& work : work_) {
+        CascadeStatistics& s = statistics_[size_t(work.cascade)];
+        tally(s, s.byCause[size_t(work.region.cause)], write(work));
+        cascades_[size_t(work.cascade)].drawn.addExactly(work.region.rect);
+    }
+}
+
+/// Sets texels to unknown in both maps.
+void ShadowCache::Frame::forgetDepths(size_t c, const TexelRect& rect) {
+    if (rect.empty()) return;
+    pieces_.clear();
+    splitAtWrap(cache_.states_[c].lattice, rect, pieces_);
+    CascadePlan& cascade = plan_.cascades[c];
+    for (const Piece& piece : pieces_)
+        (cache_.config_.sabotage == Sabotage::kUnknownAsEmpty ? cascade.clears : cascade.unknowns).push_back(piece.store);
+    cascades_[c].forgotten.addExactly(rect);
+}
+
+void ShadowCache::Frame::owe(const Work& work, const TexelRect& rect) {
+    OwedRegion region = work.region;
+    region.rect = rect;
+    const auto c = size_t(work.cascade);
+    if (region.owes == Owes::kUnknown && region.since == cache_.frame_) forgetDepths(c, rect);
+    if (cache_.config_.sabotage != Sabotage::kForgottenDebt) cache_.states_[c].owed.add(region);
+}
+
+/// Draws as much of a region as the limits leave room for, and owes the rest. False when they are used up.
+bool ShadowCache::Frame::take(Work work, Limits& left) {
+    const auto c = size_t(work.cascade);
+    const Texel eye = cascades_[c].eye;
+    CascadePlan& cascade = plan_.cascades[c];
+    CascadeStatistics& s = statistics_[c];
+    std::vector<TexelRect> todo, rest{work.region.rect};
+    for (uint64_t room = left.texels; room > 0 && !rest.empty();) {
+        const TexelRect from = rest.back();
+        rest.pop_back();
+        const bool fits = static_cast<uint64_t>(from.area()) <= room;
+        todo.push_back(fits ? from : nearestPart(from, int64_t(room), eye));
+        subtract(from, todo.back(), rest);
+        room -= static_cast<uint64_t>(todo.back().area());
+    }
+    std::reverse(todo.begin(), todo.end());  // the nearest is taken from the back
+    bool more = rest.empty();
+    while (!todo.empty()) {
+        work.region.rect = todo.back();
+        todo.pop_back();
+        const size_t transforms = plan_.transforms.size(), items = plan_.items.size();
+        const size_t clears = cascade.clears.size(), passes = cascade.staticPasses.size();
+        const PlanWriter::Counts counts = write(work);
+        // A single smallest block may exceed the limit by itself: drawn alone, or it never would be.
+        const Texel size = work.region.rect.max - work.region.rect.min;
+        const bool smallest = std::max(size.x, size.y) <= kSmallestBlock;
+        if (counts.cost.triangles <= left.triangles || (smallest && drawn_.texels == 0)) {
+            tally(s, s.byCause[size_t(work.region.cause)], counts);
+            cascades_[c].drawn.addExactly(work.region.rect);
+            drawn_ += counts.cost;
+            if (left.texels != Limits::kNone) left.texels -= counts.cost.texels;
+            if (left.triangles != Limits::kNone) left.triangles -= std::min(left.triangles, counts.cost.triangles);
+            continue;
+        }
+        plan_.transforms.resize(transforms);
+        plan_.items.resize(items);
+        cascade.clears.resize(clears);
+        cascade.staticPasses.resize(passes);
+        if (smallest) {
+            more = false;
+            rest.push_back(work.region.rect);
+            rest.insert(rest.end(), todo.begin(), todo.end());
+            break;
+        }
+        const TexelRect near = nearestHalf(work.region.rect, eye);
+        subtract(work.region.rect, near, todo);
+        todo.push_back(near);
+    }
+    for (const TexelRect& r : rest) owe(work, r);
+    return more;
+}
+
+void ShadowCache::Frame::drawWithin(Limits limits) {
+    cutIntoBlocks(work_);
+    std::vector<Texel> eyes;
+    for (const Cascade& c : cascades_) eyes.push_back(c.eye);
+    // Half of the limits goes to what has waited too long, in turn: so no texel waits for ever.
+    const uint64_t now = cache_.frame_;
+    const auto late = std::stable_partition(work_.begin(), work_.end(), [now](const Work& w) {
+        return now - w.region.since > kPatience;
+    });
+    std::vector<Work> waited(work_.begin(), late);
+    work_.erase(work_.begin(), late);
+    oldestFirst(waited, eyes);
+    const auto half = [](uint64_t limit) { return limit == Limits::kNone ? limit : limit - limit / 2; };
+    Limits forLate{half(limits.texels), half(limits.triangles)};
+    bool more = true;
+    for (const Work& w : waited) {
+        if (more) more = take(w, forLate);
+        else work_.push_back(w);
+    }
+    const auto spend = [](uint64_t& limit, uint64_t spent) {
+        if (limit != Limits::kNone) limit -= std::min(limit, spent);
+    };
+    spend(limits.texels, drawn_.texels);
+    spend(limits.triangles, drawn_.triangles);
+    nearestFirst(work_, eyes);
+    more = true;
+    for (const Work& w : work_) {
+        if (more) more = take(w, limits);
+        else owe(w, w.region.rect);
+    }
+}
+
+/// Counts the static part on its own, from what was written.
+void ShadowCache::Frame::count(size_t c) {
+    const CascadePlan& cascade = plan_.cascades[c];
+    const State& state = cache_.states_[c];
+    CascadeStatistics& s = statistics_[c];
+    s.total.texels = static_cast<uint64_t>(cascades_[c].drawn.area());
+    for (const DrawPass& pass : cascade.staticPasses) {
+        s.total.draws += pass.itemCount;
+        for (uint32_t i = pass.firstItem; i < pass.firstItem + pass.itemCount; ++i) {
+            const DrawItem& item = plan_.items[i];
+            s.total.triangles += item.indexCount / 3;
+            if (i == pass.firstItem || item.transform != plan_.items[i - 1].transform) ++s.total.casters;
+        }
+    }
+    s.unknownTexels = static_cast<uint64_t>(state.owed.area(Owes::kUnknown));
+    s.staleTexels = static_cast<uint64_t>(state.owed.area(Owes::kStale));
+    s.oldestDebt = state.owed.age(cache_.frame_);
+}
+
+void ShadowCache::Frame::run() {
+    for (size_t c = 0; c < cascades_.size(); ++c) {
+        if (demand_.asleep >> c & 1) sleep(c);
+        else collect(c);
+    }
+    if (demand_.limits.limited()) drawWithin(demand_.limits);
+    else drawAll();
+    for (size_t c = 0; c < cascades_.size(); ++c) {
+        State& state = cache_.states_[c];
+        Cascade& cascade = cascades_[c];
+        count(c);
+        if (statistics_[c].asleep) continue;
+        RectSet dirt = cascade.drawn;
+        for (const TexelRect& rect : cascade.forgotten.rects()) dirt.addExactly(rect);
+        for (const TexelRect& rect : state.slept.rects()) dirt.add(intersection(rect, state.window));
+        state.slept.clear();
+        for (const world::Box& box : events_.activeDirt)
+            dirt.add(intersection(footprint(state.lattice, box), state.window));
+        writeWorking(scene_, state.lattice, dirt.rects(), cascade.writer, plan_.cascades[c], statistics_[c]);
+    }
+}
+
+ShadowCache::ShadowCache(std::vector<culling::Cascade> cascades, const CacheConfig& config) : config_(config) {
+    CHECK(config.guardBand >= 1);
+    for (const culling::Cascade& c : cascades) {
+        State state;
+        state.lattice = {c.texel, config.side, config.guardBand};
+        states_.push_back(std::move(state));
+    }
+}
+
+TexelRect ShadowCache::windowAround(int cascade, glm::dvec2 eye) const {
+    const Lattice& lattice = states_[size_t(cascade)].lattice;
+    return lattice.window(lattice.windowAt(eye));
+}
+
+void ShadowCache::forget() {
+    for (State& state : states_) state.drawn = false;
+}
+
+uint64_t ShadowCache::ageBound(uint64_t texels) const {
+    const auto side = static_cast<uint64_t>(config_.side);
+    const uint64_t half = texels - texels / 2;
+    CHECK(half > 0);
+    return kPatience + (states_.size() * side * side + half - 1) / half;
+}
+
+void ShadowCache::plan(const Scene& scene, const Events& events, const Demand& demand, FramePlan& plan,
                        std::vector<CascadeStatistics>& statistics) {
     plan.transforms.clear();
     plan.items.clear();
     plan.cascades.assign(states_.size(), {});
     statistics.assign(states_.size(), {});
-    std::vector<world::CasterId> arrived;
-    for (const Arrival& a : events.arrivals) arrived.push_back(a.caster);
-    std::vector<world::CasterId> casters;
-    std::vector<Piece> pieces;
-    const bool hide = scene.occlusion != nullptr;
-
-    for (size_t c = 0; c < states_.size(); ++c) {
-        State& state = states_[c];
-        const Lattice& lattice = state.lattice;
-        CascadePlan& cascade = plan.cascades[c];
-        CascadeStatistics& s = statistics[c];
-        PlanWriter writer(scene, config_, int(c), lattice, plan);
-        const TexelRect window = windowAround(int(c), eye);
-        s.window = window.min;
-        if (state.drawn) s.move = window.min - state.window.min;
-
-        findRegions(scene, events, int(c), window, regions_);
-        for (const Region& region : regions_) {
-            Cost& cost = s.byCause[size_t(region.cause)];
-            pieces.clear();
-            splitAtWrap(lattice, region.rect, pieces);
-            if (region.clear) {
-                staticsOver(scene, lattice, region.rect, casters);
-                if (config_.sabotage == Sabotage::kLiteralScroll && region.cause == Cause::kScroll)
-                    std::erase_if(casters, [&](world::CasterId id) {
-                        return footprint(lattice, scene.light[id].bounds).overlaps(state.window);
-                    });
-            }
-            for (const Piece& piece : pieces) {
-                cost.texels += static_cast<uint64_t>(piece.rect.area());
-                if (region.clear) cascade.clears.push_back(piece.store);
-                // Whatever is new in a region that keeps its texels is drawn under their one cause.
-                tally(s, cost, writer.draw(piece, region.clear ? casters : arrived, hide, cascade.staticPasses));
-            }
-        }
-
-        RectSet dirt;
-        for (const Region& region : regions_) dirt.addExactly(region.rect);
-        s.total.texels = static_cast<uint64_t>(dirt.area());
-        for (const DrawPass& pass : cascade.staticPasses) {
-            s.total.draws += pass.itemCount;
-            for (uint32_t i = pass.firstItem; i < pass.firstItem + pass.itemCount; ++i) {
-                const DrawItem& item = plan.items[i];
-                s.total.triangles += item.indexCount / 3;
-                if (i == pass.firstItem || item.transform != plan.items[i - 1].transform) ++s.total.casters;
-            }
-        }
-        for (const world::Box& box : events.activeDirt) dirt.add(intersection(footprint(lattice, box), window));
-        writeWorking(scene, lattice, dirt.rects(), writer, cascade, s);
-
-        state.window = window;
-        state.drawn = true;
-    }
+    ++frame_;
+    Frame(*this, scene, events, demand, plan, statistics).run();
 }
 
 void ShadowCache::planRedraw(const Scene& scene, FramePlan& plan, std::vector<CascadeStatistics>& statistics) const {
@@ -179,6 +415,7 @@ void ShadowCache::planRedraw(const Scene& scene, FramePlan& plan, std::vector<Ca
     std::vector<Piece> pieces;
     for (size_t c = 0; c < states_.size(); ++c) {
         const State& state = states_[c];
+        if (!state.drawn) continue;
         CascadePlan& cascade = plan.cascades[c];
         CascadeStatistics& s = statistics[c];
         PlanWriter writer(scene, config_, int(c), state.lattice, plan);

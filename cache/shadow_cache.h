@@ -11,8 +11,10 @@
 
 #include "cache/frame_plan.h"
 #include "cache/lattice.h"
+#include "cache/owed.h"
 #include "cache/rect_set.h"
 #include "cache/statistics.h"
+#include "cache/work.h"
 #include "culling/light_casters.h"
 #include "culling/occlusion.h"
 #include "world/casters.h"
@@ -26,10 +28,14 @@ enum class Sabotage : uint8_t {
     kLiteralScroll,  ///< slabs draw S - S' only: casters that straddle the old border are cut
     kDeafDeparture,  ///< a departure clears nothing
     kStickyCertificate, ///< an occluder leaves and what it hid stays hidden (done by culling)
+    kForgottenDebt,     ///< what a limited frame leaves undone counts as done
+    kUnknownAsEmpty,    ///< texels in which nothing was drawn yet say that nothing is there
+    kSleptMotion,       ///< active casters that moved while a cascade slept leave their old texels behind
 };
 
 struct CacheConfig {
     int side = 1024;        ///< texels a side
+    int guardBand = 1;      ///< windows move in steps of this many texels, >= 1
     double depthNear = 0;   ///< light-space z of depth 0 [m]; nearer casters are clamped to it
     double depthRange = 1;  ///< metres per unit of depth, > 0
     Sabotage sabotage = Sabotage::kNone;
@@ -66,8 +72,20 @@ struct Events {
     std::span<const world::Box> activeDirt;  ///< light-space bounds where active casters were or are new
 };
 
-/// One cache map and one working map per cascade, as a decision: holds windows, never pixels.
+/// What a frame is asked for.
+struct Demand {
+    glm::dvec2 eye{0};    ///< light-space x, y [m]
+    uint32_t asleep = 0;  ///< bit c: nothing that cascade c serves can be seen; its maps may wait
+    Limits limits;        ///< on what is drawn into the cache maps
+};
+
+/// One cache map and one working map per cascade, as a decision: holds windows and debts, never pixels.
 /// `plan` commits: the GPU must execute each plan, in order. One thread at a time.
+///
+/// A texel of a drawn window is valid, stale or unknown. Without limits every cascade that is awake is
+/// valid after each plan. With limits the most urgent work is done first and the rest is owed: what the
+/// map never held is set to kUnknownDepth, what it held stays as it was. A cascade that sleeps keeps its
+/// window and touches nothing; what happened meanwhile is owed when it wakes.
 class ShadowCache {
 public:
     ShadowCache(std::vector<culling::Cascade> cascades, const CacheConfig& config);
@@ -75,10 +93,10 @@ public:
     /// Window of each cascade around an eye [light-space x, y in metres], before any plan for it.
     TexelRect windowAround(int cascade, glm::dvec2 eye) const;
 
-    /// Plans the frame: afterwards the cache maps hold all static casters within the windows around
-    /// `eye`, and the working maps the active ones as well.
+    /// Plans the frame: afterwards the cache maps hold all static casters within the windows around the
+    /// eye, and the working maps the active ones as well, but for what is owed.
     ///   statistics  one per cascade, replaced
-    void plan(const Scene& scene, const Events& events, glm::dvec2 eye, FramePlan& plan,
+    void plan(const Scene& scene, const Events& events, const Demand& demand, FramePlan& plan,
               std::vector<CascadeStatistics>& statistics);
 
     /// Plans drawing all maps from scratch in their committed windows, without certificates.
@@ -88,27 +106,34 @@ public:
     /// Forgets what the maps hold: the next plan draws everything.
     void forget();
 
+    /// True once the maps hold a window.
+    bool drawn(int cascade) const { return states_[size_t(cascade)].drawn; }
     TexelRect window(int cascade) const { return states_[size_t(cascade)].window; }
+    /// What the cache map, and with it the working map, owes the world.
+    std::span<const OwedRegion> owed(int cascade) const { return states_[size_t(cascade)].owed.regions(); }
+    /// Where the working map alone is stale: active casters moved while the cascade slept.
+    std::span<const TexelRect> slept(int cascade) const { return states_[size_t(cascade)].slept.rects(); }
     const Lattice& lattice(int cascade) const { return states_[size_t(cascade)].lattice; }
     const CacheConfig& config() const { return config_; }
 
+    /// No texel of a cascade that stays awake waits longer than this [frames] while each frame may draw
+    /// `texels` texels: those that have waited for kPatience frames are drawn in turn, with half of the
+    /// limit.
+    uint64_t ageBound(uint64_t texels) const;
+
 private:
-    struct Region {
-        TexelRect rect;
-        Cause cause = Cause::kStart;
-        bool clear = true;  ///< drawn from nothing; else only new casters are added
-    };
     struct State {
         Lattice lattice;
         TexelRect window;
         bool drawn = false;  ///< the maps hold the window
+        OwedSet owed;
+        RectSet slept;
     };
-    void findRegions(const Scene& scene, const Events& events, int cascade, TexelRect window,
-                     std::vector<Region>& regions) const;
+    class Frame;
 
     std::vector<State> states_;
     CacheConfig config_;
-    std::vector<Region> regions_;
+    uint64_t frame_ = 0;
 };
 
 }  // namespace cache

@@ -47,6 +47,11 @@ struct CascadeStatistics {
     Cost active;      ///< working map: texels restored, active casters drawn
     uint64_t clustersFound = 0;   ///< static clusters that the queries returned
     uint64_t clustersHidden = 0;  ///< of these, skipped for a certificate
+    uint64_t trianglesHidden = 0; ///< of the skipped clusters
+    bool asleep = false;          ///< nothing that it serves can be seen: left as it was
+    uint64_t unknownTexels = 0;   ///< of the window, after this frame
+    uint64_t staleTexels = 0;     ///< of the cache map, likewise
+    uint64_t oldestDebt = 0;      ///< frames that the longest owed of them has waited
 };
 
 }  // namespace cache

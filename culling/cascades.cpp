@@ -4,7 +4,8 @@
 
 namespace culling {
 
-world::Result<std::vector<Cascade>> makeCascades(int count, int side, double farDistance, double ratio) {
+world::Result<std::vector<Cascade>> makeCascades(int count, int side, double farDistance, double ratio,
+                                                 int guardBand) {
     const auto usage = [](std::string what) {
         return world::Error{world::ErrorCode::kUsage, std::move(what)};
     };
@@ -14,10 +15,13 @@ world::Result<std::vector<Cascade>> makeCascades(int count, int side, double far
         return usage("far: " + std::to_string(farDistance) + " m; give 1 to 1000000");
     if (!(std::isfinite(ratio) && ratio > 1 && ratio <= 16))
         return usage("split ratio: " + std::to_string(ratio) + "; give more than 1, at most 16");
+    if (guardBand < 1 || guardBand > side / 4)
+        return usage("guard band: " + std::to_string(guardBand) + " texels; give 1 to " + std::to_string(side / 4) +
+                     ", a quarter of the resolution");
     std::vector<Cascade> cascades(static_cast<size_t>(count));
     for (int c = 0; c < count; ++c) {
         const double split = farDistance * std::pow(ratio, c - (count - 1));
-        cascades[static_cast<size_t>(c)] = {split, 2 * split / (side - 2 * kWindowMargin)};
+        cascades[static_cast<size_t>(c)] = {split, 2 * split / (side - 2 * (kWindowMargin + guardBand / 2))};
     }
     return cascades;
 }

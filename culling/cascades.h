@@ -22,7 +22,9 @@ struct Cascade {
 constexpr int kWindowMargin = 4;
 
 /// Cascades from the eye outwards; the last serves up to `farDistance` [m], each one `ratio` times
-/// as far as the one before. kUsage where a number makes no sense; the text names it and its range.
-world::Result<std::vector<Cascade>> makeCascades(int count, int side, double farDistance, double ratio);
+/// as far as the one before. `guardBand` >= 1 are the steps [texels] in which windows will move: texels
+/// grow a little, so that a window off by half a step still holds its split. kUsage where a number makes no sense; the text names it and its range.
+world::Result<std::vector<Cascade>> makeCascades(int count, int side, double farDistance, double ratio,
+                                                 int guardBand = 1);
 
 }  // namespace culling

@@ -77,6 +77,7 @@ void LightCasters::addActive(world::CasterId id, const world::CasterTable& table
             caster.bounds.add({box.min + caster.origin, box.max + caster.origin});
         }
     }
+    caster.bounds = world::grown(caster.bounds, double(table[id].margin));
 }
 
 }  // namespace culling

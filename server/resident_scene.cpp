@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <utility>
 
 #include "culling/caster_query.h"
 
@@ -16,6 +17,10 @@ constexpr double kSlack = 0.25;
 
 /// The octree splits no further than cells of this edge [m]: smaller ones hold single props.
 constexpr double kSmallestCell = 8;
+
+/// Casters reach no farther from the world's origin [m]: texels are counted in 64 bits, but a placement
+/// this far off is a mistake.
+constexpr double kFarthest = 1e8;
 
 class Stopwatch {
 public:
@@ -101,12 +106,9 @@ world::Result<ObjectId> ResidentScene::adopt(const std::string& name) {
         return world::Error{world::ErrorCode::kBadData, store_.path() + ": name \"" + name + "\" is beyond chunk " +
                                                             world::toString(named->chunk) + "; bake the world again"};
     const world::Instance& instance = chunk.value().instances[named->slot];
-    if (auto pinned = streamer_.pin(instance.mesh); !pinned) return pinned.error();
-    auto slot = meshSlots_.find(instance.mesh);
-    if (slot == meshSlots_.end())
-        slot = meshSlots_.emplace(instance.mesh, table_.addMesh(streamer_.mesh(instance.mesh))).first;
-
-    Object object{0, instance.placement};
+    const auto slot = pinnedMesh(instance.mesh);
+    if (!slot) return slot.error();
+    Object object{.rest = instance.placement};
     bool taken = false;
     if (const auto resident = chunks_.find(named->chunk); resident != chunks_.end()) {
         auto& casters = resident->second.casters;
@@ -120,39 +122,119 @@ world::Result<ObjectId> ResidentScene::adopt(const std::string& name) {
         }
     }
     if (!taken) {
-        SceneChanges changes;
-        auto caster = addStatic(slot->second, instance.placement, origin, changes);
+        auto caster = addStatic(slot.value(), instance.placement, origin, pending_);
         if (!caster) return caster.error();
         object.caster = caster.value();
-        waiting_.insert(waiting_.end(), changes.arrivals.begin(), changes.arrivals.end());
     }
     objects_.push_back(object);
     adopted_.emplace(place, id);
     return id;
 }
 
+world::Result<world::MeshSlot> ResidentScene::pinnedMesh(uint32_t mesh) {
+    if (auto pinned = streamer_.pin(mesh); !pinned) return pinned.error();
+    auto slot = meshSlots_.find(mesh);
+    if (slot == meshSlots_.end()) slot = meshSlots_.emplace(mesh, table_.addMesh(streamer_.mesh(mesh))).first;
+    return slot->second;
+}
+
+world::Result<world::Done> ResidentScene::requireAlive(ObjectId object) const {
+    const std::string name = "object " + std::to_string(object);
+    if (object >= objects_.size())
+        return world::Error{world::ErrorCode::kNotFound, name + ": there is none of that number; adopt or spawn it first"};
+    if (!objects_[object].alive)
+        return world::Error{world::ErrorCode::kNotFound, name + ": it was removed; spawn another"};
+    return world::Done{};
+}
+
+world::Result<world::Done> ResidentScene::requirePlaceable(const std::string& who, const world::Mesh& mesh,
+                                                           const world::Placement& placement, float margin) const {
+    if (!finite(placement))
+        return world::Error{world::ErrorCode::kUsage, who + ": its placement is not finite; give numbers"};
+    const world::Box bounds = world::grown(world::placedBounds(mesh, placement), double(margin));
+    if (glm::any(glm::greaterThan(glm::max(glm::abs(bounds.min), glm::abs(bounds.max)), glm::dvec3(kFarthest))))
+        return world::Error{world::ErrorCode::kLimit,
+                            who + ": it would reach farther than 1e8 m from the origin; scale or move it"};
+    return world::Done{};
+}
+
+world::Result<ObjectId> ResidentScene::spawn(uint32_t mesh, const world::Placement& placement,
+                                             const ObjectTraits& traits) {
+    const std::string who = "spawn of mesh " + std::to_string(mesh);
+    if (mesh >= store_.meshes().size())
+        return world::Error{world::ErrorCode::kNotFound, who + ": the world has " +
+                                                             std::to_string(store_.meshes().size()) + " meshes"};
+    if (!std::isfinite(traits.margin) || traits.margin < 0)
+        return world::Error{world::ErrorCode::kUsage, who + ": its margin is not a length; give 0 m or more"};
+    if (traits.deforms && traits.atRest)
+        return world::Error{world::ErrorCode::kUsage, who + ": what deforms is never at rest; give one of the two"};
+    const auto slot = pinnedMesh(mesh);
+    if (!slot) return slot.error();
+    if (auto fits = requirePlaceable(who, *table_.mesh(slot.value()).mesh, placement, traits.margin); !fits)
+        return fits.error();
+    const auto id = static_cast<ObjectId>(objects_.size());
+    Object object{.rest = placement, .deforms = traits.deforms};
+    const world::CasterOrigin origin{{}, -1, static_cast<int32_t>(id)};
+    if (traits.atRest) {
+        auto caster = addStatic(slot.value(), placement, origin, pending_);
+        if (!caster) return caster.error();
+        object.caster = caster.value();
+    } else {
+        object.caster = table_.add(slot.value(), placement, world::CasterState::kActive, origin, traits.margin);
+        light_.addActive(object.caster, table_);
+        if (auto done = uploadLevels(object.caster); !done) {
+            table_.remove(object.caster);
+            return done.error();
+        }
+        pending_.activeDirt.push_back(light_[object.caster].bounds);
+        if (traits.deforms) sets_.keepActive(object.caster);
+        else spawned_.push_back(object.caster);
+    }
+    objects_.push_back(object);
+    return id;
+}
+
+void ResidentScene::leaveStatics(world::CasterId id, cache::Cause cause, SceneChanges& changes) {
+    if (occlusion_) changes.revocations += occlusion_->remove(std::span(&id, 1));
+    statics_.remove(id);
+    const auto unseen = std::find_if(changes.arrivals.begin(), changes.arrivals.end(),
+                                     [&](const cache::Arrival& a) { return a.caster == id; });
+    if (unseen != changes.arrivals.end()) changes.arrivals.erase(unseen);
+    else changes.departures.push_back({light_[id].bounds, cause});
+}
+
+world::Result<world::Done> ResidentScene::remove(ObjectId number) {
+    if (auto alive = requireAlive(number); !alive) return alive.error();
+    Object& object = objects_[number];
+    if (table_[object.caster].state == world::CasterState::kStatic) {
+        leaveStatics(object.caster, cache::Cause::kDeparture, pending_);
+    } else {
+        pending_.activeDirt.push_back(light_[object.caster].bounds);
+        sets_.forget(object.caster);
+        std::erase(spawned_, object.caster);
+    }
+    table_.remove(object.caster);
+    object.alive = false;
+    return world::Done{};
+}
+
 void ResidentScene::moveObjects(double time, std::span<const ObjectUpdate> updates, SceneChanges& changes) {
     for (const ObjectUpdate& update : updates) {
-        const auto refuse = [&](const char* why) {
-            changes.errors.push_back({world::ErrorCode::kUsage, "object " + std::to_string(update.object) + ": " + why});
-        };
-        if (update.object >= objects_.size()) {
-            refuse("not adopted; adopt it by name first");
+        if (auto alive = requireAlive(update.object); !alive) {
+            changes.errors.push_back(alive.error());
             continue;
         }
-        if (!finite(update.placement)) {
-            refuse("its placement is not finite; it stays where it was");
+        const Object& object = objects_[update.object];
+        const world::CasterId id = object.caster;
+        if (auto fits = requirePlaceable("object " + std::to_string(update.object), table_.meshOf(id), update.placement,
+                                         table_[id].margin);
+            !fits) {
+            changes.errors.push_back(fits.error());
             continue;
         }
-        const world::CasterId id = objects_[update.object].caster;
-        if (table_[id].placement == update.placement) continue;
+        if (table_[id].placement == update.placement && !object.deforms) continue;
         if (table_[id].state == world::CasterState::kStatic) {
-            if (occlusion_) changes.revocations += occlusion_->remove(std::span(&id, 1));
-            statics_.remove(id);
-            const auto unseen = std::find_if(waiting_.begin(), waiting_.end(),
-                                             [&](const cache::Arrival& a) { return a.caster == id; });
-            if (unseen != waiting_.end()) waiting_.erase(unseen);  // moved before any map showed it
-            else changes.departures.push_back({light_[id].bounds, cache::Cause::kDemotion});
+            leaveStatics(id, cache::Cause::kDemotion, changes);
             table_.setState(id, world::CasterState::kActive);
         } else {
             changes.activeDirt.push_back(light_[id].bounds);
@@ -160,7 +242,7 @@ void ResidentScene::moveObjects(double time, std::span<const ObjectUpdate> updat
         table_.place(id, update.placement);
         light_.addActive(id, table_);
         changes.activeDirt.push_back(light_[id].bounds);
-        sets_.moved(id, time);
+        if (!object.deforms) sets_.moved(id, time);
         if (auto done = uploadLevels(id); !done) changes.errors.push_back(done.error());
     }
 }
@@ -227,7 +309,7 @@ world::Result<world::Done> ResidentScene::stream(glm::dvec3 eye, SceneChanges& c
         return b.min.x <= eye.x + reach && b.max.x >= eye.x - reach && b.min.y <= eye.y + reach &&
                b.max.y >= eye.y - reach && b.min.z <= eye.z + reach;
     };
-    const double windows = config_.farDistance * config_.side / (config_.side - 2.0 * culling::kWindowMargin);
+    const double windows = light_.cascades().back().texel * (config_.side / 2.0 + config_.guardBand);
     auto events = streamer_.advance([&](const world::Box& b) { return within(b, windows + slack); },
                                     [&](const world::Box& b) { return within(b, windows + 2 * slack); });
     if (!events) return events.error();
@@ -258,7 +340,7 @@ void ResidentScene::occlude(glm::dvec3 eye, SceneChanges& changes) {
         const glm::dvec2 at(eye);
         if (!first && changes.arrivals.empty() && glm::length(at - certifiedAt_[c]) <= slack / 2) continue;
         certifiedAt_[c] = at;
-        const double reach = cascades[c].texel * config_.side / 2 + slack;
+        const double reach = cascades[c].texel * (config_.side / 2.0 + config_.guardBand) + slack;
         culling::castersOver(statics_, light_, at - reach, at + reach, near);
         changes.certify += occlusion_->admit(int(c), near);
     }
@@ -266,7 +348,9 @@ void ResidentScene::occlude(glm::dvec3 eye, SceneChanges& changes) {
 
 world::Result<SceneChanges> ResidentScene::advance(double time, glm::dvec3 eye,
                                                    std::span<const ObjectUpdate> updates) {
-    SceneChanges changes;
+    SceneChanges changes = std::exchange(pending_, {});
+    for (world::CasterId id : spawned_) sets_.moved(id, time);
+    spawned_.clear();
     if (config_.occlusion && !occlusion_) {
         auto occlusion = culling::Occlusion::create(
             table_, light_,
@@ -284,8 +368,6 @@ world::Result<SceneChanges> ResidentScene::advance(double time, glm::dvec3 eye,
     changes.streamMs = streaming.ms();
 
     const Stopwatch occlusion;
-    changes.arrivals.insert(changes.arrivals.end(), waiting_.begin(), waiting_.end());
-    waiting_.clear();
     std::sort(changes.arrivals.begin(), changes.arrivals.end(),
               [](const cache::Arrival& a, const cache::Arrival& b) { return a.caster < b.caster; });
     if (occlusion_) occlude(eye, changes);

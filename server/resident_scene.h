@@ -13,6 +13,7 @@
 #include "cache/shadow_cache.h"
 #include "culling/light_casters.h"
 #include "culling/occlusion.h"
+#include "culling/receivers.h"
 #include "gpu/shadow_maps.h"
 #include "world/casters.h"
 #include "world/octree.h"
@@ -21,8 +22,16 @@
 
 namespace server {
 
-/// An object that a client moves; given out by `ResidentScene::adopt`.
+/// An object that a client owns; given out by `adopt` and `spawn`, never twice.
 using ObjectId = uint32_t;
+
+/// What a client says of an object when it makes it.
+struct ObjectTraits {
+    /// Its shape changes: it stays active, and each update dirties its bounds even where it stands.
+    bool deforms = false;
+    float margin = 0;  ///< how far its shape may reach beyond its mesh [m], 0 or more
+    bool atRest = false;  ///< static from the start: it will not move soon
+};
 
 struct ObjectUpdate {
     ObjectId object = 0;
@@ -38,6 +47,7 @@ struct SceneConfig {
     uint64_t residentBytes = 4ull << 30;
     double depthRange = 1;  ///< [m]
     int side = 1024;
+    int guardBand = 1;  ///< [texels]
     bool stickyCertificates = false;  ///< a deliberate defect, for tests
 };
 
@@ -63,6 +73,9 @@ public:
 
     world::Result<ObjectId> adopt(const std::string& name);
     const world::Placement& restPlacement(ObjectId object) const { return objects_[object].rest; }
+    /// See ShadowSystem.
+    world::Result<ObjectId> spawn(uint32_t mesh, const world::Placement& placement, const ObjectTraits& traits);
+    world::Result<world::Done> remove(ObjectId object);
 
     /// Moves objects, settles the static and active sets, streams for an eye at `eye` (light space),
     /// and certifies what comes near. Bad items are reported and skipped; an Error (kLimit, kDevice)
@@ -71,6 +84,10 @@ public:
 
     /// For the cache. `hide`: with certificates.
     cache::Scene view(bool hide) const;
+    /// Cascades (bit c) that serve nothing which `view` can see.
+    uint32_t unseen(const culling::View& view, bool servesNearer) const {
+        return culling::unseenCascades(view, light_.cascades(), statics_, table_, sets_.active(), servesNearer);
+    }
     const world::CasterTable& casters() const { return table_; }
     const culling::LightCasters& light() const { return light_; }
 
@@ -78,6 +95,7 @@ private:
     struct Object {
         world::CasterId caster = 0;
         world::Placement rest;
+        bool deforms = false, alive = true;
     };
     struct ResidentChunk {
         std::shared_ptr<const world::Chunk> chunk;
@@ -85,6 +103,13 @@ private:
         std::optional<world::MeshSlot> terrain;
     };
     void moveObjects(double time, std::span<const ObjectUpdate> updates, SceneChanges& changes);
+    world::Result<world::Done> requireAlive(ObjectId object) const;
+    /// A placement that the maps can hold: finite, and not beyond kFarthest.
+    world::Result<world::Done> requirePlaceable(const std::string& who, const world::Mesh& mesh,
+                                                const world::Placement& placement, float margin) const;
+    world::Result<world::MeshSlot> pinnedMesh(uint32_t mesh);
+    /// The static caster leaves the static set: for an arrival that no map has seen, as if it never came.
+    void leaveStatics(world::CasterId caster, cache::Cause cause, SceneChanges& changes);
     world::Result<world::Done> promote(double time, SceneChanges& changes);
     world::Result<world::Done> stream(glm::dvec3 eye, SceneChanges& changes);
     void dropChunk(world::ChunkKey key, SceneChanges& changes);
@@ -110,7 +135,8 @@ private:
     std::vector<Object> objects_;
     std::map<std::pair<world::ChunkKey, uint32_t>, ObjectId> adopted_;
     std::optional<std::vector<world::NamedInstance>> names_;
-    std::vector<cache::Arrival> waiting_;  ///< adopted before the next frame
+    SceneChanges pending_;                  ///< what happened to objects before the next frame
+    std::vector<world::CasterId> spawned_;  ///< active, rest from the next frame on
     std::optional<glm::dvec3> streamedAt_; ///< eye at the last evaluation of wants, light space
     std::vector<glm::dvec2> certifiedAt_;  ///< per cascade: eye at the last look for certificates
 };

@@ -4,6 +4,7 @@
 #include <bit>
 #include <chrono>
 #include <cmath>
+#include <glm/gtc/constants.hpp>
 
 #include "culling/cascades.h"
 #include "culling/light_space.h"
@@ -19,6 +20,24 @@ using world::ErrorCode;
 using world::Result;
 
 constexpr size_t kReported = 8;  ///< differences and casters that a verification lists
+
+/// What lavapipe takes for a small triangle, to begin with; frames under a time budget correct it.
+constexpr double kFirstMsPerTriangle = 1.0 / 7000;
+/// Beyond this a point [m] is in no window, and no texel could be counted for it.
+constexpr double kFarthestPoint = 1e9;
+/// Weight of the latest frame in that correction.
+constexpr double kRateGain = 0.25;
+
+/// What a texel of a stored map is worth, for verification and lookups.
+enum State : uint8_t { kValid, kStaleTexel, kUnknownTexel };
+
+Result<world::Done> requireBudget(const Budget& budget) {
+    if (budget.texels == 0 || budget.triangles == 0)
+        return Error{ErrorCode::kUsage, "budget: nothing could ever be drawn; give at least 1 texel or triangle"};
+    if (!std::isfinite(budget.ms) || budget.ms < 0)
+        return Error{ErrorCode::kUsage, "budget: " + std::to_string(budget.ms) + " ms; give a time of 0 or more"};
+    return world::Done{};
+}
 
 double msSince(std::chrono::steady_clock::time_point start) {
     return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
@@ -36,11 +55,18 @@ struct ShadowSystem::Impl {
           cascades(lightCascades),
           scene(store, *maps, space, cascades,
                 {c.farDistance, c.occlusion, c.raysPerCluster, c.restSeconds, c.promotionsPerFrame, c.residentBytes,
-                 cacheConfig.depthRange, c.side, c.sabotage == cache::Sabotage::kStickyCertificate}),
+                 cacheConfig.depthRange, c.side, c.guardBand, c.sabotage == cache::Sabotage::kStickyCertificate}),
           shadows(cascades, cacheConfig) {}
 
     Result<uint64_t> compare(int cascade, gpu::MapKind cached, gpu::MapKind redrawn, VerifyReport& report);
     std::vector<std::string> castersAt(int cascade, cache::Texel texel) const;
+    cache::Limits limits() const;
+    std::vector<uint8_t> states(int cascade, gpu::MapKind map) const;
+    /// After a frame that was not drawn: what the maps hold is anybody's guess.
+    Error lost(const Error& error) {
+        shadows.forget();
+        return error;
+    }
 
     ShadowConfig config;
     std::unique_ptr<gpu::ShadowMaps> maps;
@@ -52,6 +78,7 @@ struct ShadowSystem::Impl {
     uint64_t frame = 0;
     uint64_t uploadedBefore = 0;
     bool planned = false;
+    double msPerTriangle = kFirstMsPerTriangle;
 };
 
 ShadowSystem::ShadowSystem(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -65,10 +92,12 @@ Result<std::unique_ptr<ShadowSystem>> ShadowSystem::create(gpu::Device& device, 
         return Error{ErrorCode::kUsage, store.path() + ": the world names no sun; give --sun AZIMUTH,ELEVATION"};
     auto space = culling::makeLightSpace(filled.sun);
     if (!space) return space.error();
-    auto cascades = culling::makeCascades(filled.cascades, filled.side, filled.farDistance, filled.splitRatio);
+    auto cascades = culling::makeCascades(filled.cascades, filled.side, filled.farDistance, filled.splitRatio,
+                                          filled.guardBand);
     if (!cascades) return cascades.error();
     if (!(filled.restSeconds >= 0))
         return Error{ErrorCode::kUsage, "rest time: " + std::to_string(filled.restSeconds) + " s; give 0 or more"};
+    if (auto budget = requireBudget(filled.budget); !budget) return budget.error();
     if (store.chunks().empty() || store.header().bounds.empty())
         return Error{ErrorCode::kBadData, store.path() + ": nothing in it casts a shadow; bake a source that has casters"};
 
@@ -76,6 +105,7 @@ Result<std::unique_ptr<ShadowSystem>> ShadowSystem::create(gpu::Device& device, 
     const world::Box extent = space.value().toLight(store.header().bounds);
     cache::CacheConfig cacheConfig;
     cacheConfig.side = filled.side;
+    cacheConfig.guardBand = filled.guardBand;
     cacheConfig.depthNear = extent.min.z;
     cacheConfig.depthRange = std::max(1.0, extent.max.z - extent.min.z);
     cacheConfig.sabotage = filled.sabotage;
@@ -88,6 +118,18 @@ Result<std::unique_ptr<ShadowSystem>> ShadowSystem::create(gpu::Device& device, 
 
 Result<ObjectId> ShadowSystem::adopt(const std::string& name) { return impl_->scene.adopt(name); }
 
+Result<ObjectId> ShadowSystem::spawn(uint32_t mesh, const world::Placement& placement, const ObjectTraits& traits) {
+    return impl_->scene.spawn(mesh, placement, traits);
+}
+
+Result<world::Done> ShadowSystem::remove(ObjectId object) { return impl_->scene.remove(object); }
+
+Result<world::Done> ShadowSystem::setBudget(const Budget& budget) {
+    if (auto good = requireBudget(budget); !good) return good.error();
+    impl_->config.budget = budget;
+    return world::Done{};
+}
+
 const world::Placement& ShadowSystem::restPlacement(ObjectId object) const {
     return impl_->scene.restPlacement(object);
 }
@@ -97,13 +139,18 @@ Result<FrameReport> ShadowSystem::advance(const FrameInput& input) {
     const glm::dvec3 p = input.camera.position;
     if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z) || !std::isfinite(input.time))
         return Error{ErrorCode::kUsage, "frame " + std::to_string(s.frame) + ": camera position or time is not finite"};
+    const Camera& camera = input.camera;
+    if (!(camera.verticalFov >= 0 && camera.verticalFov < glm::pi<double>() && camera.aspect > 0 &&
+          std::isfinite(camera.aspect)))
+        return Error{ErrorCode::kUsage, "frame " + std::to_string(s.frame) +
+                                            ": camera: give a field of view in [0, pi) and an aspect above 0"};
     FrameReport report;
     report.frame = s.frame++;
     report.time = input.time;
     const glm::dvec3 eye = s.space.toLight(p);
 
     auto changed = s.scene.advance(input.time, eye, input.objects);
-    if (!changed) return changed.error();
+    if (!changed) return s.lost(changed.error());
     SceneChanges& changes = changed.value();
     report.chunkArrivals = changes.chunkArrivals;
     report.chunkDepartures = changes.chunkDepartures;
@@ -119,19 +166,37 @@ Result<FrameReport> ShadowSystem::advance(const FrameInput& input) {
     const auto planning = std::chrono::steady_clock::now();
     const bool cached = s.config.method == Method::kGnomon;
     if (!cached) s.shadows.forget();
-    s.shadows.plan(s.scene.view(cached), {changes.departures, changes.arrivals, changes.activeDirt},
-                   glm::dvec2(eye), s.plan, report.cascades);
+    cache::Demand demand{glm::dvec2(eye), 0, {}};
+    if (cached) {
+        demand.limits = s.limits();
+        demand.asleep = s.scene.unseen({p, camera.orientation, camera.verticalFov, camera.aspect},
+                                       demand.limits.limited());
+    }
+    report.limits = demand.limits;
+    s.shadows.plan(s.scene.view(cached), {changes.departures, changes.arrivals, changes.activeDirt}, demand, s.plan,
+                   report.cascades);
     s.planned = true;
     report.cpu.planMs = msSince(planning);
     report.planHash = s.plan.hash();
 
     auto times = s.maps->execute(s.plan);
-    if (!times) return times.error();
+    if (!times) return s.lost(times.error());
     report.gpu = std::move(times.value());
+    uint64_t triangles = 0;
+    for (const cache::CascadeStatistics& c : report.cascades) triangles += c.total.triangles;
+    if (triangles > 0)
+        s.msPerTriangle += kRateGain * (report.gpu.wallMs / double(triangles) - s.msPerTriangle);
     report.cpu.recordMs = report.gpu.recordMs;
     report.bytesUploaded = s.maps->uploadedBytes() - s.uploadedBefore;
     s.uploadedBefore = s.maps->uploadedBytes();
     return report;
+}
+
+cache::Limits ShadowSystem::Impl::limits() const {
+    cache::Limits limits{config.budget.texels, config.budget.triangles};
+    if (config.budget.ms > 0)
+        limits.triangles = std::min(limits.triangles, std::max<uint64_t>(1, uint64_t(config.budget.ms / msPerTriangle)));
+    return limits;
 }
 
 RedrawCosts ShadowSystem::redrawCosts() const {
@@ -154,6 +219,7 @@ Result<VerifyReport> ShadowSystem::verify() {
     VerifyReport report;
     report.redraw = std::move(times.value());
     for (int c = 0; c < cascades(); ++c) {
+        if (!s.shadows.drawn(c)) continue;
         auto cache = s.compare(c, gpu::MapKind::kCache, gpu::MapKind::kScratchCache, report);
         if (!cache) return cache.error();
         auto working = s.compare(c, gpu::MapKind::kWorking, gpu::MapKind::kScratchWorking, report);
@@ -163,6 +229,24 @@ Result<VerifyReport> ShadowSystem::verify() {
     return report;
 }
 
+/// Per stored texel of a map.
+std::vector<uint8_t> ShadowSystem::Impl::states(int cascade, gpu::MapKind map) const {
+    const cache::Lattice& lattice = shadows.lattice(cascade);
+    std::vector<uint8_t> states(size_t(lattice.side * lattice.side), kValid);
+    const auto paint = [&](const cache::TexelRect& rect, State state) {
+        for (int64_t y = rect.min.y; y < rect.max.y; ++y)
+            for (int64_t x = rect.min.x; x < rect.max.x; ++x) {
+                const cache::Texel slot = lattice.slot({x, y});
+                states[size_t(slot.y * lattice.side + slot.x)] = state;
+            }
+    };
+    if (map == gpu::MapKind::kWorking)
+        for (const cache::TexelRect& rect : shadows.slept(cascade)) paint(rect, kStaleTexel);
+    for (const cache::OwedRegion& region : shadows.owed(cascade))
+        paint(region.rect, region.owes == cache::Owes::kUnknown ? kUnknownTexel : kStaleTexel);
+    return states;
+}
+
 Result<uint64_t> ShadowSystem::Impl::compare(int cascade, gpu::MapKind cached, gpu::MapKind redrawn,
                                              VerifyReport& report) {
     auto a = maps->read(cascade, cached);
@@ -170,18 +254,24 @@ Result<uint64_t> ShadowSystem::Impl::compare(int cascade, gpu::MapKind cached, g
     auto b = maps->read(cascade, redrawn);
     if (!b) return b.error();
     const std::vector<float>&held = a.value(), &truth = b.value();
-    report.texels += held.size();
+    const std::vector<uint8_t> state = states(cascade, cached);
     uint64_t differing = 0;
     const cache::Lattice& lattice = shadows.lattice(cascade);
     const cache::Texel low = shadows.window(cascade).min;
     for (size_t i = 0; i < held.size(); ++i) {
-        if (std::bit_cast<uint32_t>(held[i]) == std::bit_cast<uint32_t>(truth[i])) continue;
+        if (state[i] == kStaleTexel) {
+            ++report.stale;
+            continue;
+        }
+        ++report.texels;
+        const float right = state[i] == kUnknownTexel ? cache::kUnknownDepth : truth[i];
+        if (std::bit_cast<uint32_t>(held[i]) == std::bit_cast<uint32_t>(right)) continue;
         ++differing;
         if (report.first.size() == kReported) continue;
         const auto at = static_cast<int64_t>(i);
         const cache::Texel slot(at % lattice.side, at / lattice.side);
         const cache::Texel texel = low + lattice.slot(slot - low);
-        report.first.push_back({cascade, cached, texel, held[i], truth[i], castersAt(cascade, texel)});
+        report.first.push_back({cascade, cached, texel, held[i], right, castersAt(cascade, texel)});
     }
     return differing;
 }
@@ -207,7 +297,7 @@ CascadeView ShadowSystem::view(int cascade) const {
     // Stored depths of casters begin at kNearestDepth.
     const double range = config.depthRange / (1.0 - cache::kNearestDepth);
     return {c.texel, c.split, s.shadows.window(cascade).min, config.depthNear - cache::kNearestDepth * range, range,
-            s.space.lightFromWorld};
+            s.shadows.drawn(cascade), s.space.lightFromWorld};
 }
 
 int ShadowSystem::cascades() const { return static_cast<int>(impl_->cascades.size()); }
@@ -215,6 +305,39 @@ const ShadowConfig& ShadowSystem::config() const { return impl_->config; }
 
 Result<std::vector<float>> ShadowSystem::readMap(int cascade, gpu::MapKind kind) {
     return impl_->maps->read(cascade, kind);
+}
+
+Result<std::vector<PointAnswer>> ShadowSystem::lookup(std::span<const glm::dvec3> points, const LookupBias& bias) {
+    Impl& s = *impl_;
+    std::vector<PointAnswer> answers(points.size());
+    for (int c = 0; c < cascades(); ++c) {
+        if (!s.shadows.drawn(c)) continue;
+        const cache::Lattice& lattice = s.shadows.lattice(c);
+        const cache::TexelRect window = s.shadows.window(c);
+        const CascadeView map = view(c);
+        std::vector<float> depths;  // read only if a point asks for it
+        std::vector<uint8_t> states;
+        for (size_t i = 0; i < points.size(); ++i) {
+            if (answers[i].cascade >= 0) continue;
+            const glm::dvec3 p = s.space.toLight(points[i]);
+            if (!(glm::length(p) <= kFarthestPoint)) continue;
+            const cache::Texel texel = lattice.texelAt(glm::dvec2(p));
+            if (!window.contains({texel, texel + int64_t(1)})) continue;
+            if (depths.empty()) {
+                auto read = readMap(c, gpu::MapKind::kWorking);
+                if (!read) return read.error();
+                depths = std::move(read.value());
+                states = s.states(c, gpu::MapKind::kWorking);
+            }
+            const cache::Texel slot = lattice.slot(texel);
+            const auto at = size_t(slot.y * lattice.side + slot.x);
+            if (depths[at] == cache::kUnknownDepth) continue;  // the next coarser cascade may know
+            const double caster = map.depthNear + map.depthRange * double(depths[at]);
+            const bool shadowed = depths[at] < cache::kEmptyDepth && caster + bias.texels * lattice.texel + bias.metres < p.z;
+            answers[i] = {shadowed ? Light::kShadowed : Light::kLit, int8_t(c), states[at] == kStaleTexel};
+        }
+    }
+    return answers;
 }
 
 Result<uint64_t> ShadowSystem::mapHash(int cascade, gpu::MapKind kind) {

@@ -13,6 +13,7 @@
 #include "cache/statistics.h"
 #include "gpu/device.h"
 #include "gpu/shadow_maps.h"
+#include "server/lookup.h"
 #include "server/resident_scene.h"
 #include "world/mesh.h"
 #include "world/result.h"
@@ -25,11 +26,19 @@ enum class Method {
     kRedraw,  ///< every cascade drawn whole, every frame: what the cache is measured against
 };
 
+/// What a frame may spend on its cache maps. What does not fit is owed, and reported.
+struct Budget {
+    uint64_t texels = cache::Limits::kNone;     ///< redrawn, > 0
+    uint64_t triangles = cache::Limits::kNone;  ///< sent to the rasteriser, > 0; one smallest block may exceed it
+    double ms = 0;  ///< wall time of the GPU's part, by the rates of the frames before: not deterministic; 0: any
+};
+
 struct ShadowConfig {
     int cascades = 4;          ///< 1 to 8
     int side = 1024;           ///< texels a side, 64 to 8192
     double farDistance = 600;  ///< split of the last cascade [m]: shadows reach this far from the eye
     double splitRatio = 3;     ///< each split is this many times the one before, > 1
+    int guardBand = 1;         ///< windows move in steps of this many texels, 1 to side / 4
     glm::dvec3 sun{0};         ///< direction of light travel; zero: the world's own
     Method method = Method::kGnomon;
     bool occlusion = true;     ///< certificates, texel-exact
@@ -38,12 +47,17 @@ struct ShadowConfig {
     uint32_t promotionsPerFrame = 16;
     uint64_t residentBytes = 4ull << 30;  ///< decoded chunks and meshes
     uint64_t geometryBytes = 512ull << 20;  ///< GPU arena
+    Budget budget;
     cache::Sabotage sabotage = cache::Sabotage::kNone;  ///< for tests of the verification
 };
 
 struct Camera {
     glm::dvec3 position{0};  ///< [m]
     glm::dquat orientation{1, 0, 0, 0};  ///< camera-to-world, looks along -z
+    /// Of the projection [rad], in (0, pi), or 0 where it is not known. Known, cascades that serve no
+    /// receiver in view sleep until they do.
+    double verticalFov = 0;
+    double aspect = 1;  ///< width over height, > 0
 };
 
 struct FrameInput {
@@ -72,6 +86,7 @@ struct FrameReport {
     uint64_t certificates = 0;   ///< clusters newly proven hidden, over all cascades
     uint64_t revocations = 0;    ///< certificates that fell with an occluder
     uint64_t planHash = 0;
+    cache::Limits limits;        ///< that the frame had to keep
     StageTimes cpu;
     gpu::GpuTimes gpu;
     std::vector<world::Error> errors;  ///< per item; the frame went on without it
@@ -90,7 +105,8 @@ struct Difference {
 };
 
 struct VerifyReport {
-    uint64_t texels = 0;     ///< compared
+    uint64_t texels = 0;     ///< compared with the redraw, or with the mark of an unknown texel
+    uint64_t stale = 0;      ///< left out: owed by the cache map, or by the working map of a sleeper
     uint64_t differing = 0;  ///< 0, or the cache is broken
     std::vector<Difference> first;  ///< at most 8
     gpu::GpuTimes redraw;    ///< cost of drawing everything from scratch: the static and active part
@@ -102,6 +118,7 @@ struct CascadeView {
     double split = 0;    ///< distance from the eye that this cascade serves [m]
     cache::Texel window{0};  ///< low corner of the window; texel (i, j) is stored at (i mod side, j mod side)
     double depthNear = 0, depthRange = 0;  ///< z of a caster [m] = depthNear + stored depth * depthRange
+    bool drawn = false;  ///< false: the maps hold nothing yet, the cascade has slept from the start
     glm::dmat3 lightFromWorld{1};
 };
 
@@ -120,6 +137,15 @@ public:
     /// Takes the named instance out of its chunk and makes it an object that updates can move.
     /// Until its first update it stands where the world has it. kNotFound names the name.
     world::Result<ObjectId> adopt(const std::string& name);
+    /// Puts a new object into the world from the next frame on: active, unless its traits say that it
+    /// rests. `mesh` is a row of the world. kNotFound for a mesh that the world does not have; kUsage and
+    /// kLimit for a placement that is not finite or reaches beyond 1e8 m; then nothing changed.
+    world::Result<ObjectId> spawn(uint32_t mesh, const world::Placement& placement, const ObjectTraits& traits = {});
+    /// Takes the object out of the world for good, from the next frame on. kNotFound for an object that
+    /// does not exist or was removed already.
+    world::Result<world::Done> remove(ObjectId object);
+    /// kUsage for a limit of 0 or a time that is negative or not finite: the old budget stays.
+    world::Result<world::Done> setBudget(const Budget& budget);
     /// Where the world has it.
     const world::Placement& restPlacement(ObjectId object) const;
 
@@ -135,6 +161,9 @@ public:
     CascadeView view(int cascade) const;
     int cascades() const;
     const ShadowConfig& config() const;  ///< with the sun filled in
+    /// Answers for world points [m] from the working maps as they are, the nearest cascade that holds and
+    /// knows a point first. Reads whole maps back: for batches.
+    world::Result<std::vector<PointAnswer>> lookup(std::span<const glm::dvec3> points, const LookupBias& bias = {});
     /// A map's depths, row by row in stored order.
     world::Result<std::vector<float>> readMap(int cascade, gpu::MapKind kind);
     /// Hash of a map's bits.

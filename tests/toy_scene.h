@@ -117,6 +117,7 @@ public:
         for (size_t c = 0; c < plan.cascades.size(); ++c) {
             const cache::CascadePlan& p = plan.cascades[c];
             Maps& m = maps_[c];
+            for (const auto& r : p.unknowns) each(r, [&](size_t i) { m.cache[i] = cache::kUnknownDepth; });
             for (const auto& r : p.clears) each(r, [&](size_t i) { m.cache[i] = 1; });
             for (const auto& pass : p.staticPasses) draw(plan, pass, m.cache);
             for (const auto& r : p.restores) each(r, [&](size_t i) { m.working[i] = m.cache[i]; });
@@ -166,7 +167,8 @@ private:
                 for (int e = 0; e < 3; ++e)
                     w[e] = cross(glm::dvec2(v[(e + 2) % 3] - v[(e + 1) % 3]), p - glm::dvec2(v[(e + 1) % 3])) / area;
                 if (w[0] < 0 || w[1] < 0 || w[2] < 0) continue;
-                const double z = std::clamp(w[0] * v[0].z + w[1] * v[1].z + w[2] * v[2].z, 0.0, 1.0);
+                const double d = std::clamp(w[0] * v[0].z + w[1] * v[1].z + w[2] * v[2].z, 0.0, 1.0);
+                const double z = double(cache::kNearestDepth) + (1 - double(cache::kNearestDepth)) * d;
                 float& held = map[size_t(y) * size_t(side_) + size_t(x)];
                 held = std::min(held, static_cast<float>(z));
             }

@@ -23,7 +23,8 @@ void CasterTable::removeMesh(MeshSlot slot) {
     freeMeshes_.push_back(slot);
 }
 
-CasterId CasterTable::add(MeshSlot mesh, const Placement& placement, CasterState state, CasterOrigin origin) {
+CasterId CasterTable::add(MeshSlot mesh, const Placement& placement, CasterState state, CasterOrigin origin,
+                          float margin) {
     CHECK(state != CasterState::kFree && meshes_[mesh].mesh != nullptr);
     CasterId id = static_cast<CasterId>(casters_.size());
     if (free_.empty()) {
@@ -32,7 +33,8 @@ CasterId CasterTable::add(MeshSlot mesh, const Placement& placement, CasterState
         id = free_.back();
         free_.pop_back();
     }
-    casters_[id] = {mesh, placement, placedBounds(*meshes_[mesh].mesh, placement), state, origin};
+    casters_[id] = {mesh, placement, grown(placedBounds(*meshes_[mesh].mesh, placement), double(margin)), margin,
+                    state, origin};
     return id;
 }
 
@@ -44,12 +46,13 @@ void CasterTable::remove(CasterId id) {
 
 void CasterTable::place(CasterId id, const Placement& placement) {
     casters_[id].placement = placement;
-    casters_[id].bounds = placedBounds(meshOf(id), placement);
+    casters_[id].bounds = grown(placedBounds(meshOf(id), placement), double(casters_[id].margin));
 }
 
 std::string CasterTable::describe(CasterId id) const {
     const CasterOrigin& o = casters_[id].origin;
     const std::string chunk = "chunk " + toString(o.chunk);
+    if (o.slot < 0 && o.object >= 0) return "object " + std::to_string(o.object);
     if (o.object >= 0) return "object " + std::to_string(o.object) + " of " + chunk;
     if (o.slot < 0) return "terrain of " + chunk;
     return "instance " + std::to_string(o.slot) + " of " + chunk;

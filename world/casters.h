@@ -40,7 +40,8 @@ struct CasterOrigin {
 struct Caster {
     MeshSlot mesh = 0;
     Placement placement;
-    Box bounds;  ///< world frame [m]
+    Box bounds;  ///< world frame [m], grown by the margin
+    float margin = 0;  ///< how far its shape may reach beyond the mesh [m]
     CasterState state = CasterState::kFree;
     CasterOrigin origin;
 };
@@ -55,7 +56,8 @@ public:
     MeshEntry& mesh(MeshSlot slot) { return meshes_[slot]; }
     const MeshEntry& mesh(MeshSlot slot) const { return meshes_[slot]; }
 
-    CasterId add(MeshSlot mesh, const Placement& placement, CasterState state, CasterOrigin origin);
+    CasterId add(MeshSlot mesh, const Placement& placement, CasterState state, CasterOrigin origin,
+                 float margin = 0);
     void remove(CasterId id);
     void place(CasterId id, const Placement& placement);  ///< updates the bounds too
     void setState(CasterId id, CasterState state) { casters_[id].state = state; }
@@ -74,6 +76,9 @@ private:
     std::vector<Caster> casters_;
     std::vector<CasterId> free_;
 };
+
+/// A box with `margin` [m] of room on every side.
+inline Box grown(const Box& box, double margin) { return {box.min - margin, box.max + margin}; }
 
 /// Bounds of a placed mesh in world metres.
 Box placedBounds(const Mesh& mesh, const Placement& placement);

@@ -41,6 +41,13 @@ public:
     /// Appends every item whose box `query.mayTouch`, in ascending order of item. Deterministic.
     void query(const TurnedBox& query, std::vector<uint32_t>& items) const;
 
+    /// True if `test` accepts the box of any item. What it accepts of a box it must accept of every box
+    /// around it. Stops at the first.
+    template <class Test>
+    bool any(Test test) const {
+        return anyBelow(0, test);
+    }
+
     size_t size() const;
     /// CHECKs that each item is in one cell whose loose bounds hold it, and that no cell is empty.
     void validate() const;
@@ -71,6 +78,18 @@ private:
     void visit(uint32_t cell, const Probe& probe, std::vector<uint32_t>& items) const;
     void collect(uint32_t cell, std::vector<uint32_t>& items) const;
     void sortFrom(size_t first, std::vector<uint32_t>& items) const;
+    template <class Test>
+    bool anyBelow(uint32_t cell, Test& test) const {
+        for (const Entry& e : cells_[cell].entries)
+            if (test(e.box)) return true;
+        for (const uint32_t child : cells_[cell].child) {
+            if (child == kNone) continue;
+            const double reach = 2 * cells_[child].half;
+            const Box loose{cells_[child].centre - reach, cells_[child].centre + reach};
+            if (test(loose) && anyBelow(child, test)) return true;
+        }
+        return false;
+    }
 
     std::vector<Cell> cells_;     ///< the first is the root; bounds of free ones mean nothing
     std::vector<uint32_t> free_;  ///< cells to be used again

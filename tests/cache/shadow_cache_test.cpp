@@ -19,12 +19,13 @@ constexpr int kSide = 40;
 /// A scene in which casters come, go, move and stop while the eye walks and jumps.
 class Life {
 public:
-    Life(uint32_t seed, glm::dvec3 origin, cache::Sabotage sabotage)
+    /// `guard`: windows move in steps of so many texels.
+    Life(uint32_t seed, glm::dvec3 origin, cache::Sabotage sabotage, int guard = 1)
         : rng_(seed),
           origin_(origin),
           cascades_{{3.0, 0.15}, {10.0, 0.5}},
           scene_(glm::dvec3(0.4, -1, 0.3), cascades_),
-          cache_(cascades_, {kSide, depth(origin) - 200, 400, sabotage}),
+          cache_(cascades_, {kSide, guard, depth(origin) - 200, 400, sabotage}),
           held_(scene_, 2, kSide),
           eye_(origin) {
         for (glm::vec3 size : {glm::vec3(1, 1, 1), glm::vec3(0.2f, 4, 0.2f), glm::vec3(6, 0.5f, 1)})
@@ -32,8 +33,9 @@ public:
         boxes_.push_back(scene_.addMesh(tests::sheetMesh(25, 20)));
     }
 
-    /// One frame; false if a texel differs from the map drawn from scratch.
-    bool step(int frame) {
+    /// One frame; false if a valid texel differs from the map drawn from scratch, or an unknown one is
+    /// not marked as such.
+    bool step(int frame, const cache::Limits& limits = {}, uint32_t asleep = 0) {
         std::vector<cache::Departure> departures;
         std::vector<cache::Arrival> arrivals;
         std::vector<world::Box> dirt;
@@ -79,26 +81,52 @@ public:
 
         cache::FramePlan plan;
         const glm::dvec2 eye(scene_.light.space().toLight(eye_));
-        cache_.plan(scene_.view(), {departures, arrivals, dirt}, eye, plan, statistics_);
+        cache_.plan(scene_.view(), {departures, arrivals, dirt}, {eye, asleep, limits}, plan, statistics_);
         held_.execute(plan);
         for (const auto id : dead_) scene_.table.remove(id);
         dead_.clear();
-
+        return matches();
+    }
+    /// A frame in which nothing happens.
+    cache::FramePlan rest(const cache::Limits& limits = {}) {
+        cache::FramePlan plan;
+        const glm::dvec2 eye(scene_.light.space().toLight(eye_));
+        cache_.plan(scene_.view(), {}, {eye, 0, limits}, plan, statistics_);
+        held_.execute(plan);
+        return plan;
+    }
+    bool matches() const {
         SoftMaps truth(scene_, 2, kSide);
+        cache::FramePlan plan;
         std::vector<cache::CascadeStatistics> redrawn;
         cache_.planRedraw(scene_.view(), plan, redrawn);
         truth.execute(plan);
-        return held_.maps() == truth.maps();
+        for (size_t c = 0; c < 2; ++c) {
+            const SoftMaps::Maps &held = held_.maps()[c], &drawn = truth.maps()[c];
+            if (!cache_.drawn(int(c))) continue;
+            const cache::TexelRect window = cache_.window(int(c));
+            for (int64_t y = window.min.y; y < window.max.y; ++y) {
+                for (int64_t x = window.min.x; x < window.max.x; ++x) {
+                    const cache::Texel slot = cache_.lattice(int(c)).slot({x, y});
+                    const auto i = size_t(slot.y * kSide + slot.x);
+                    const cache::TexelRect texel{{x, y}, {x + 1, y + 1}};
+                    bool owed = false, slept = false;
+                    for (const cache::OwedRegion& r : cache_.owed(int(c))) {
+                        if (!r.rect.overlaps(texel)) continue;
+                        owed = true;
+                        const bool marked = held.cache[i] == cache::kUnknownDepth && held.working[i] == cache::kUnknownDepth;
+                        if ((r.owes == cache::Owes::kUnknown) != marked) return false;
+                    }
+                    for (const cache::TexelRect& r : cache_.slept(int(c))) slept |= r.overlaps(texel);
+                    if (owed) continue;
+                    if (held.cache[i] != drawn.cache[i] || (!slept && held.working[i] != drawn.working[i])) return false;
+                }
+            }
+        }
+        return true;
     }
     const std::vector<cache::CascadeStatistics>& statistics() const { return statistics_; }
     cache::ShadowCache& cache() { return cache_; }
-    /// A frame in which nothing happens.
-    cache::FramePlan rest() {
-        cache::FramePlan plan;
-        cache_.plan(scene_.view(), {}, glm::dvec2(scene_.light.space().toLight(eye_)), plan, statistics_);
-        return plan;
-    }
-
 private:
     static constexpr world::CasterId kNone = 0xffffffffu;
     static double depth(glm::dvec3 origin) {
@@ -170,11 +198,105 @@ TEST(ShadowCache, NothingMovingPlansNothing) {
     EXPECT_EQ(life.statistics()[0].total, cache::Cost{});
 }
 
+TEST(ShadowCache, GuardBandMovesInStepsAndStaysExact) {
+    for (const int guard : {2, 5, 16}) {
+        Life life(8, glm::dvec3(0), cache::Sabotage::kNone, guard);
+        int moves = 0;
+        for (int frame = 0; frame < 60; ++frame) {
+            ASSERT_TRUE(life.step(frame)) << "frame " << frame << ", guard " << guard;
+            for (const cache::CascadeStatistics& s : life.statistics()) {
+                ASSERT_EQ(s.window.x % guard, 0);
+                ASSERT_EQ(s.window.y % guard, 0);
+                moves += s.move != cache::Texel(0);
+            }
+        }
+        EXPECT_GT(moves, 5);
+        EXPECT_LT(moves, 120);
+    }
+}
+
+uint64_t drawnIn(const std::vector<cache::CascadeStatistics>& statistics, uint64_t cache::Cost::* part) {
+    uint64_t sum = 0;
+    for (const cache::CascadeStatistics& s : statistics) sum += s.total.*part;
+    return sum;
+}
+
+TEST(ShadowCache, LimitsHoldAndWhatIsLeftIsOwedAndPaid) {
+    for (const cache::Limits limits : {cache::Limits{700, cache::Limits::kNone}, cache::Limits{50, cache::Limits::kNone},
+                                       cache::Limits{cache::Limits::kNone, 6000}, cache::Limits{900, 5000}}) {
+        Life life(9, glm::dvec3(0), cache::Sabotage::kNone);
+        uint64_t unknown = 0, stale = 0;
+        for (int frame = 0; frame < 150; ++frame) {
+            ASSERT_TRUE(life.step(frame, limits)) << "frame " << frame << ", " << limits.texels << " texels, "
+                                                  << limits.triangles << " triangles";
+            ASSERT_LE(drawnIn(life.statistics(), &cache::Cost::texels), limits.texels);
+            ASSERT_LE(drawnIn(life.statistics(), &cache::Cost::triangles), limits.triangles);
+            for (const cache::CascadeStatistics& s : life.statistics()) {
+                cache::Cost sum;
+                for (const cache::Cost& cost : s.byCause) sum += cost;
+                ASSERT_EQ(sum, s.total);
+                unknown += s.unknownTexels;
+                stale += s.staleTexels;
+                if (limits.triangles == cache::Limits::kNone) {
+                    ASSERT_LE(s.oldestDebt, life.cache().ageBound(limits.texels));
+                }
+            }
+        }
+        EXPECT_GT(unknown, 0u);
+        EXPECT_GT(stale, 0u);
+        // At rest everything is paid, and then nothing is left to do.
+        int frames = 0;
+        while (!life.rest(limits).idle()) ASSERT_LT(++frames, 500);
+        EXPECT_TRUE(life.matches());
+        for (const cache::CascadeStatistics& s : life.statistics()) EXPECT_EQ(s.unknownTexels + s.staleTexels, 0u);
+    }
+}
+
+TEST(ShadowCache, NearestUnknownTexelsComeFirst) {
+    Life life(10, glm::dvec3(0), cache::Sabotage::kNone);
+    life.step(0, {400, cache::Limits::kNone});
+    // Nothing of the far cascade yet, and of the near one what surrounds the eye.
+    EXPECT_EQ(life.statistics()[0].total.texels, 400u);
+    EXPECT_EQ(life.statistics()[1].total.texels, 0u);
+    const cache::TexelRect window = life.cache().window(0);
+    for (const cache::OwedRegion& r : life.cache().owed(0))
+        EXPECT_GT(cache::distance(r.rect, (window.min + window.max) / int64_t(2)), 2);
+}
+
+TEST(ShadowCache, SleepersCostNothingAndCatchUp) {
+    Life life(11, glm::dvec3(0), cache::Sabotage::kNone);
+    bool owed = false, slept = false;
+    for (int frame = 0; frame < 200; ++frame) {
+        const uint32_t asleep = frame / 7 % 2 ? 1 + uint32_t(frame) / 14 % 2 : 0;  // one or the other, now and then
+        ASSERT_TRUE(life.step(frame, {}, asleep)) << "frame " << frame;
+        for (int c = 0; c < 2; ++c) {
+            const cache::CascadeStatistics& s = life.statistics()[size_t(c)];
+            EXPECT_EQ(s.asleep, bool(asleep >> c & 1));
+            if (!s.asleep) {
+                EXPECT_TRUE(life.cache().owed(c).empty());
+                EXPECT_TRUE(life.cache().slept(c).empty());
+                continue;
+            }
+            EXPECT_EQ(s.total, cache::Cost{});
+            EXPECT_EQ(s.active, cache::Cost{});
+            owed |= !life.cache().owed(c).empty();
+            slept |= !life.cache().slept(c).empty();
+        }
+    }
+    EXPECT_TRUE(owed);
+    EXPECT_TRUE(slept);
+}
+
 TEST(ShadowCache, DefectsAreSeen) {
-    for (cache::Sabotage sabotage : {cache::Sabotage::kLiteralScroll, cache::Sabotage::kDeafDeparture}) {
+    for (cache::Sabotage sabotage : {cache::Sabotage::kLiteralScroll, cache::Sabotage::kDeafDeparture,
+                                     cache::Sabotage::kForgottenDebt, cache::Sabotage::kUnknownAsEmpty,
+                                     cache::Sabotage::kSleptMotion}) {
         Life life(5, glm::dvec3(0), sabotage);
+        const bool limited = sabotage == cache::Sabotage::kForgottenDebt || sabotage == cache::Sabotage::kUnknownAsEmpty;
         bool caught = false;
-        for (int frame = 0; frame < 250 && !caught; ++frame) caught = !life.step(frame);
+        for (int frame = 0; frame < 250 && !caught; ++frame)
+            caught = !life.step(frame, {limited ? 500 : cache::Limits::kNone, cache::Limits::kNone},
+                                sabotage == cache::Sabotage::kSleptMotion ? uint32_t(frame / 5 % 2) : 0);
         EXPECT_TRUE(caught) << "sabotage " << int(sabotage);
     }
 }
@@ -182,13 +304,13 @@ TEST(ShadowCache, DefectsAreSeen) {
 TEST(ShadowCache, AnEmptySceneIsDrawnOnceAsEmpty) {
     const std::vector<culling::Cascade> cascades{{3.0, 0.15}};
     ToyScene scene(glm::dvec3(0, -1, 0), cascades);
-    cache::ShadowCache cache(cascades, {kSide, 0, 1, cache::Sabotage::kNone});
+    cache::ShadowCache cache(cascades, {kSide, 1, 0, 1, cache::Sabotage::kNone});
     cache::FramePlan plan;
     std::vector<cache::CascadeStatistics> statistics;
-    cache.plan(scene.view(), {}, glm::dvec2(0), plan, statistics);
+    cache.plan(scene.view(), {}, {}, plan, statistics);
     EXPECT_EQ(statistics[0].total.texels, uint64_t(kSide * kSide));
     EXPECT_EQ(statistics[0].total.triangles, 0u);
-    cache.plan(scene.view(), {}, glm::dvec2(0), plan, statistics);
+    cache.plan(scene.view(), {}, {}, plan, statistics);
     EXPECT_TRUE(plan.idle());
 }
 

@@ -22,6 +22,16 @@ TEST(Cascades, EachWindowHoldsItsSplitWhereverItSnaps) {
     }
 }
 
+TEST(Cascades, AGuardBandLeavesRoomForItsSteps) {
+    for (const int guard : {2, 7, 64}) {
+        const auto cascades = culling::makeCascades(3, 512, 100, 2, guard);
+        for (const culling::Cascade& k : cascades.value())
+            EXPECT_GE((512 / 2 - 0.5 - guard / 2) * k.texel, k.split);
+    }
+    EXPECT_FALSE(culling::makeCascades(3, 512, 100, 2, 0));
+    EXPECT_FALSE(culling::makeCascades(3, 512, 100, 2, 129));
+}
+
 TEST(Cascades, RefusesNumbersThatMakeNoSense) {
     const double nan = std::nan("");
     for (const auto& bad : {culling::makeCascades(0, 1024, 600, 3), culling::makeCascades(9, 1024, 600, 3),

@@ -4,9 +4,9 @@
 
 #include <tbb/global_control.h>
 
-#include <array>
 #include <random>
 
+#include "tests/server/rays.h"
 #include "tests/server/worlds.h"
 
 namespace {
@@ -107,38 +107,11 @@ TEST(ShadowSystem, EveryFrameEqualsARedrawFromScratch) {
     tests::expectSilence();
 }
 
-/// Whether a ray from `p` toward the sun meets any triangle of the world's finest level.
-bool shadowed(const std::vector<std::array<glm::dvec3, 3>>& triangles, glm::dvec3 p, glm::dvec3 toSun) {
-    for (const auto& t : triangles) {
-        const glm::dvec3 u = t[1] - t[0], v = t[2] - t[0], n = glm::cross(toSun, v);
-        const double det = glm::dot(u, n);
-        if (std::abs(det) < 1e-12) continue;
-        const glm::dvec3 s = p - t[0], q = glm::cross(s, u);
-        const double a = glm::dot(s, n) / det, b = glm::dot(toSun, q) / det;
-        if (a >= 0 && b >= 0 && a + b <= 1 && glm::dot(v, q) / det > 0.05) return true;
-    }
-    return false;
-}
-
 TEST(ShadowSystem, MapsAnswerLikeRays) {
     const auto system = make(nearWorld(), small());
     const glm::dvec3 eye(3, 2, 1);
     ASSERT_TRUE(system->advance({0, {eye, {1, 0, 0, 0}}, {}}));
-    std::vector<std::array<glm::dvec3, 3>> triangles;
-    for (const world::ChunkRecord& record : nearWorld().chunks()) {
-        const world::Chunk chunk = nearWorld().readChunk(record.key).value();
-        for (const world::Instance& instance : chunk.instances) {
-            const world::Mesh mesh = nearWorld().readMesh(instance.mesh).value();
-            const world::MeshLevel& level = mesh.levels[0];
-            for (size_t i = 0; i < level.indices.size(); i += 3) {
-                std::array<glm::dvec3, 3> t;
-                for (size_t k = 0; k < 3; ++k)
-                    t[k] = glm::dmat3(instance.placement.linear) * glm::dvec3(level.positions[level.indices[i + k]]) +
-                           instance.placement.translation;
-                triangles.push_back(t);
-            }
-        }
-    }
+    const tests::WorldTriangles triangles = tests::trianglesOf(nearWorld());
     std::mt19937 rng(3);
     int lit = 0, dark = 0;
     for (int c = 0; c < system->cascades(); ++c) {
@@ -162,7 +135,7 @@ TEST(ShadowSystem, MapsAnswerLikeRays) {
                     near += depth < pLight.z - 0.05 - 2 * view.texel;
                 }
             if (near != 0 && near != 9) continue;
-            ASSERT_EQ(near == 9, shadowed(triangles, p, -system->config().sun)) << "cascade " << c << ", step " << step;
+            ASSERT_EQ(near == 9, tests::shadowed(triangles, p, -system->config().sun)) << "cascade " << c << ", step " << step;
             ++(near == 9 ? dark : lit);
         }
     }
