@@ -85,6 +85,23 @@ void addCosts(Columns& columns) {
     columns.cost("redraw", [](const ReplayFrame& f, size_t c) { return f.redraw[c]; });
     columns.cascade("clusters_found", [](const CascadeStatistics& s) { return s.clustersFound; });
     columns.cascade("clusters_hidden", [](const CascadeStatistics& s) { return s.clustersHidden; });
+    columns.cascade("triangles_hidden", [](const CascadeStatistics& s) { return s.trianglesHidden; });
+}
+
+void addDebts(Columns& columns) {
+    columns.cascade("asleep", [](const CascadeStatistics& s) { return int(s.asleep); });
+    columns.cascade("unknown_texels", [](const CascadeStatistics& s) { return s.unknownTexels; });
+    columns.cascade("stale_texels", [](const CascadeStatistics& s) { return s.staleTexels; });
+    columns.cascade("oldest_debt", [](const CascadeStatistics& s) { return s.oldestDebt; });
+    const auto limit = [](uint64_t value, std::string& out) {
+        if (value != cache::Limits::kNone) append(out, value);
+    };
+    columns.list.push_back({"frame_limit_texels", [limit](const ReplayFrame& f, size_t, std::string& out) {
+                                limit(f.report.limits.texels, out);
+                            }});
+    columns.list.push_back({"frame_limit_triangles", [limit](const ReplayFrame& f, size_t, std::string& out) {
+                                limit(f.report.limits.triangles, out);
+                            }});
 }
 
 void addFrame(Columns& columns) {
@@ -104,6 +121,9 @@ void addFrame(Columns& columns) {
 void addVerification(Columns& columns) {
     columns.list.push_back({"frame_verified_texels", [](const ReplayFrame& f, size_t, std::string& out) {
                                 if (f.verify) append(out, f.verify->texels);
+                            }});
+    columns.list.push_back({"frame_skipped_texels", [](const ReplayFrame& f, size_t, std::string& out) {
+                                if (f.verify) append(out, f.verify->stale);
                             }});
     columns.list.push_back({"frame_differing_texels", [](const ReplayFrame& f, size_t, std::string& out) {
                                 if (f.verify) append(out, f.verify->differing);
@@ -144,6 +164,7 @@ std::vector<FrameColumn> frameColumns() {
     Columns columns;
     addWindow(columns);
     addCosts(columns);
+    addDebts(columns);
     addFrame(columns);
     addVerification(columns);
     addTimes(columns);

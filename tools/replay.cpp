@@ -49,7 +49,7 @@ world::Result<ReplayFrame> step(server::ShadowSystem& system, const ReplayInput&
 
     server::FrameInput frameInput;
     frameInput.time = pose.time;
-    frameInput.camera = {pose.position, pose.orientation};
+    frameInput.camera = {pose.position, pose.orientation, input.verticalFov, kAspect};
     if (movers) frameInput.objects = movers->at(pose.time);
     const auto start = std::chrono::steady_clock::now();
     auto report = system.advance(frameInput);

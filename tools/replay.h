@@ -36,7 +36,11 @@ struct ReplayInput {
     /// Every so many frames, counted from frame 0, the maps are redrawn and compared; > 0. Frames that
     /// are dumped always are.
     uint64_t verifyEvery = 1;
+    double verticalFov = 0;  ///< of the recorded camera [rad]; 0: not known
 };
+
+/// Of the recorded camera, where its field of view is given.
+constexpr double kAspect = 16.0 / 9;
 
 /// Timestamps of a cascade; zero where the frame was idle: it submits nothing and lists none.
 gpu::CascadeTimes timesOf(const gpu::GpuTimes& times, size_t cascade);

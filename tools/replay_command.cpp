@@ -12,6 +12,7 @@
 #include <optional>
 #include <string>
 
+#include "tools/difference_text.h"
 #include "tools/dump.h"
 #include "tools/frames_csv.h"
 #include "tools/options.h"
@@ -37,6 +38,8 @@ struct ReplayOptions {
     std::string sun, frames, verify;  ///< as typed; empty: not given
     std::string method = "gnomon", occlusion = "exact";
     double fps = 0;   ///< 0: the path's own times
+    double fov = 0;   ///< vertical [degrees]; 0: not known
+    uint64_t budgetTexels = 0, budgetTriangles = 0;  ///< 0: none
     int threads = 0;  ///< 0: all
     server::ShadowConfig shadow;
     uint64_t gpuBudget = 512, memoryBudget = 4096;  ///< [MiB]
@@ -56,6 +59,8 @@ Result<server::ShadowConfig> shadowConfig(const ReplayOptions& options) {
     }
     config.method = options.method == "redraw" ? server::Method::kRedraw : server::Method::kGnomon;
     config.occlusion = options.occlusion == "exact";
+    if (options.budgetTexels > 0) config.budget.texels = options.budgetTexels;
+    if (options.budgetTriangles > 0) config.budget.triangles = options.budgetTriangles;
     config.geometryBytes = options.gpuBudget << 20;
     config.residentBytes = options.memoryBudget << 20;
     return config;
@@ -65,17 +70,7 @@ Result<server::ShadowConfig> shadowConfig(const ReplayOptions& options) {
 void printDifferences(const ReplayFrame& frame, Progress& progress) {
     progress.say("frame " + std::to_string(frame.number) + ": " + std::to_string(frame.verify->differing) +
                  " texels differ from the redraw");
-    for (const server::Difference& d : frame.verify->first) {
-        char line[256];
-        std::snprintf(
-            line, sizeof line,
-            "  cascade %d, %s map, texel (%lld, %lld): cached %.9g, redrawn %.9g; casters:", d.cascade,
-            d.map == gpu::MapKind::kCache ? "cache" : "working", static_cast<long long>(d.texel.x),
-            static_cast<long long>(d.texel.y), double(d.cached), double(d.redrawn));
-        std::string text = line;
-        for (const std::string& caster : d.casters) text += ' ' + caster;
-        progress.say(d.casters.empty() ? text + " none" : text);
-    }
+    for (const server::Difference& d : frame.verify->first) progress.say(toText(d));
 }
 
 /// Everything that a run needs, opened and checked before the first frame.
@@ -107,6 +102,7 @@ Result<Done> openInput(const ReplayOptions& options, double farDistance, Run& ru
     run.input.poses = std::move(poses.value());
     run.input.firstNumber = range ? range->begin : 0;
     run.input.verifyEvery = samplingStep(run.input.poses.size());
+    run.input.verticalFov = glm::radians(options.fov);
     if (!options.verify.empty()) {
         const auto every = parseCount("--verify", options.verify);
         if (!every) return every.error();
@@ -243,6 +239,15 @@ void addSystemOptions(CLI::App& parser, ReplayOptions& options) {
     parser.add_option("--cascades", options.shadow.cascades, "cascades, 1 to 8");
     parser.add_option("--resolution", options.shadow.side, "texels a side of each map, 64 to 8192");
     parser.add_option("--far", options.shadow.farDistance, "how far from the eye shadows reach [m]");
+    parser.add_option("--guard-band", options.shadow.guardBand, "windows move in steps of this many texels");
+    parser.add_option("--fov", options.fov,
+                      "the camera's vertical field of view [degrees], at 16:9: cascades that serve nothing in view sleep")
+        ->check(CLI::Range(0.0, 179.0));
+    parser.add_option("--budget-texels", options.budgetTexels, "most texels that a frame redraws; the rest waits")
+        ->check(CLI::Range(uint64_t(1), uint64_t(1) << 40));
+    parser.add_option("--budget-triangles", options.budgetTriangles, "most static triangles that a frame draws")
+        ->check(CLI::Range(uint64_t(1), uint64_t(1) << 40));
+    parser.add_option("--budget-ms", options.shadow.budget.ms, "most time that the GPU's part may take [ms], by measure");
     parser.add_option("--occlusion", options.occlusion, "off, or exact: skip casters proven hidden")
         ->check(CLI::IsMember({"off", "exact"}));
     parser.add_option("--rays", options.shadow.raysPerCluster, "most rays to prove one cluster hidden");

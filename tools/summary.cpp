@@ -24,6 +24,15 @@ void addCascade(CascadeSummary& sum, const ReplayFrame& frame, size_t c) {
     sum.frames += statistics.total == cache::Cost{} ? 0 : 1;
     sum.clustersFound += statistics.clustersFound;
     sum.clustersHidden += statistics.clustersHidden;
+    sum.trianglesHidden += statistics.trianglesHidden;
+    if (statistics.asleep) {
+        ++sum.sleepingFrames;
+    } else {
+        sum.owingFrames += statistics.unknownTexels + statistics.staleTexels > 0 ? 1 : 0;
+        sum.mostUnknown = std::max(sum.mostUnknown, statistics.unknownTexels);
+        sum.mostStale = std::max(sum.mostStale, statistics.staleTexels);
+        sum.oldestDebt = std::max(sum.oldestDebt, statistics.oldestDebt);
+    }
     const gpu::CascadeTimes times = timesOf(frame.report.gpu, c);
     sum.staticMs += times.staticMs;
     sum.activeMs += times.activeMs;
@@ -51,6 +60,9 @@ Json json(const TimePair& times) {
             {"redraw_median_ms", median(times.redrawn)}};
 }
 
+/// null: none.
+Json limit(uint64_t value) { return value == cache::Limits::kNone ? Json() : Json(value); }
+
 Json configJson(const ReplayHead& head) {
     const server::ShadowConfig& config = head.config;
     return {{"method", config.method == server::Method::kGnomon ? "gnomon" : "redraw"},
@@ -58,6 +70,10 @@ Json configJson(const ReplayHead& head) {
             {"resolution", config.side},
             {"far_m", config.farDistance},
             {"split_ratio", config.splitRatio},
+            {"guard_band", config.guardBand},
+            {"budget_texels", limit(config.budget.texels)},
+            {"budget_triangles", limit(config.budget.triangles)},
+            {"budget_ms", config.budget.ms},
             {"sun", {config.sun.x, config.sun.y, config.sun.z}},
             {"occlusion", config.occlusion ? "exact" : "off"},
             {"rays_per_cluster", config.raysPerCluster},
@@ -80,7 +96,13 @@ Json cascadeJson(const ReplayHead& head, const Summary& summary, size_t c) {
                     {"active", json(sum.active)},
                     {"redraw", json(sum.redraw)},
                     {"clusters_found", sum.clustersFound},
-                    {"clusters_hidden", sum.clustersHidden}};
+                    {"clusters_hidden", sum.clustersHidden},
+                    {"triangles_hidden", sum.trianglesHidden},
+                    {"sleeping_frames", sum.sleepingFrames},
+                    {"owing_frames", sum.owingFrames},
+                    {"most_unknown_texels", sum.mostUnknown},
+                    {"most_stale_texels", sum.mostStale},
+                    {"oldest_debt_frames", sum.oldestDebt}};
     if (!summary.lastHashes.empty()) {
         cascade["last_cache_hash"] = hex(summary.lastHashes[c].cache);
         cascade["last_working_hash"] = hex(summary.lastHashes[c].working);
@@ -144,6 +166,7 @@ void Summary::add(const ReplayFrame& frame) {
     if (!frame.verify) return;
     ++verifiedFrames;
     verifiedTexels += frame.verify->texels;
+    skippedTexels += frame.verify->stale;
     differingTexels += frame.verify->differing;
     update.cached.push_back(report.gpu.recordMs + report.gpu.wallMs);
     update.redrawn.push_back(frame.verify->redraw.recordMs + frame.verify->redraw.wallMs);
@@ -162,11 +185,10 @@ OcclusionValue occlusionValue(const Summary& summary) {
     for (const CascadeSummary& sum : summary.cascades) {
         value.found += sum.clustersFound;
         value.hidden += sum.clustersHidden;
-        const uint64_t drawn = sum.clustersFound - sum.clustersHidden;
-        if (drawn == 0 || sum.total.triangles == 0) continue;
-        const double share = static_cast<double>(sum.clustersHidden) / static_cast<double>(drawn);
-        value.trianglesSaved += share * static_cast<double>(sum.total.triangles);
-        value.msSaved += share * sum.staticMs;
+        value.trianglesHidden += sum.trianglesHidden;
+        if (sum.total.triangles == 0) continue;
+        value.msSaved +=
+            static_cast<double>(sum.trianglesHidden) / static_cast<double>(sum.total.triangles) * sum.staticMs;
     }
     return value;
 }
@@ -193,6 +215,7 @@ std::string toJson(const ReplayHead& head, const Summary& summary) {
         {"verified",
          {{"frames", summary.verifiedFrames},
           {"texels", summary.verifiedTexels},
+          {"skipped_texels", summary.skippedTexels},
           {"differing_texels", summary.differingTexels}}},
         {"occlusion",
          {{"rays", summary.rays},
@@ -200,7 +223,7 @@ std::string toJson(const ReplayHead& head, const Summary& summary) {
           {"revocations", summary.revocations},
           {"clusters_found", occlusion.found},
           {"clusters_hidden", occlusion.hidden},
-          {"triangles_saved_estimate", occlusion.trianglesSaved}}},
+          {"triangles_hidden", occlusion.trianglesHidden}}},
         {"plan_hash", hex(summary.planHash)},
         {"cascades", cascades},
         {"times", timesJson(summary)},

@@ -31,7 +31,11 @@ struct CascadeSummary {
     cache::Cost total, active;
     cache::Cost redraw;   ///< the static part drawn whole in each of the frames
     uint64_t frames = 0;  ///< in which the static part was touched
-    uint64_t clustersFound = 0, clustersHidden = 0;
+    uint64_t clustersFound = 0, clustersHidden = 0, trianglesHidden = 0;
+    uint64_t sleepingFrames = 0;  ///< in which nothing it serves could be seen
+    uint64_t owingFrames = 0;     ///< after which it owed texels, awake
+    uint64_t mostUnknown = 0, mostStale = 0;  ///< texels after the worst frame each, awake
+    uint64_t oldestDebt = 0;      ///< most frames that a texel of it was owed, awake
     double staticMs = 0, activeMs = 0;  ///< timestamps, summed
     TimePair staticTimes;
 };
@@ -44,7 +48,7 @@ struct Summary {
     uint64_t idleFrames = 0;  ///< in which nothing was submitted
     uint64_t chunkArrivals = 0, chunkDepartures = 0, arrivalFrames = 0;
     uint64_t bytesRead = 0, bytesUploaded = 0, rays = 0, certificates = 0, revocations = 0, errors = 0;
-    uint64_t verifiedFrames = 0, verifiedTexels = 0, differingTexels = 0;
+    uint64_t verifiedFrames = 0, verifiedTexels = 0, skippedTexels = 0, differingTexels = 0;
     uint64_t planHash = 0;  ///< chained over the frames
     std::vector<MapHashes> lastHashes;
     std::vector<double> frameMs;  ///< wall time of each advance
@@ -59,12 +63,12 @@ struct Summary {
 double quantile(std::vector<double> values, double q);
 inline double median(const std::vector<double>& values) { return quantile(values, 0.5); }
 
-/// What certificates were worth, estimated: a hidden cluster counts as many triangles as a drawn one
-/// of its cascade, and each of them the mean time of a drawn one.
+/// What certificates were worth: a hidden triangle is taken to save the mean time of a drawn one of its
+/// cascade.
 struct OcclusionValue {
     uint64_t found = 0, hidden = 0;  ///< clusters, over all frames and cascades
-    double trianglesSaved = 0;
-    double msSaved = 0;  ///< noisy
+    uint64_t trianglesHidden = 0;    ///< likewise
+    double msSaved = 0;              ///< estimated and noisy
 };
 OcclusionValue occlusionValue(const Summary& summary);
 

@@ -139,10 +139,23 @@ void printOcclusion(std::string& out, const ReplayHead& head, const Summary& sum
     print(out,
           "Occlusion  %s of the clusters found were hidden (%s of %s); %s rays and %.1f ms for %s "
           "certificates, %s revoked;\n"
-          "           about %s triangles not drawn, worth about %.1f ms: %s\n",
+          "           %s triangles not drawn, worth about %.1f ms: %s\n",
           percent(value.hidden, value.found).c_str(), count(value.hidden).c_str(), count(value.found).c_str(),
           count(sum.rays).c_str(), sum.cpu.occlusionMs, count(sum.certificates).c_str(),
-          count(sum.revocations).c_str(), count(value.trianglesSaved).c_str(), value.msSaved, verdict);
+          count(sum.revocations).c_str(), count(value.trianglesHidden).c_str(), value.msSaved, verdict);
+}
+
+/// What was put off, for a budget or because nobody could see it; nothing where nothing was.
+void printDebts(std::string& out, const Summary& sum) {
+    for (size_t c = 0; c < sum.cascades.size(); ++c) {
+        const CascadeSummary& cascade = sum.cascades[c];
+        if (cascade.sleepingFrames + cascade.owingFrames == 0) continue;
+        print(out,
+              "Put off    cascade %zu slept in %s frames; owed texels after %s others: at most %s unknown and %s "
+              "stale, the oldest for %s frames\n",
+              c, count(cascade.sleepingFrames).c_str(), count(cascade.owingFrames).c_str(),
+              count(cascade.mostUnknown).c_str(), count(cascade.mostStale).c_str(), count(cascade.oldestDebt).c_str());
+    }
 }
 
 }  // namespace
@@ -155,6 +168,7 @@ std::string toText(const ReplayHead& head, const Summary& sum) {
     printCauses(out, sum);
     out += '\n';
     printOcclusion(out, head, sum);
+    printDebts(out, sum);
     print(out, "Streaming  %s chunk arrivals in %s frames, %s departures; %s read, %s uploaded; %s errors\n",
           count(sum.chunkArrivals).c_str(), count(sum.arrivalFrames).c_str(),
           count(sum.chunkDepartures).c_str(), bytes(sum.bytesRead).c_str(), bytes(sum.bytesUploaded).c_str(),
@@ -162,8 +176,10 @@ std::string toText(const ReplayHead& head, const Summary& sum) {
     print(out, "Frames     p50 %.3f ms, p95 %.3f ms, max %.3f ms; %s of %s submitted nothing\n",
           quantile(sum.frameMs, 0.5), quantile(sum.frameMs, 0.95), quantile(sum.frameMs, 1),
           count(sum.idleFrames).c_str(), count(sum.frames).c_str());
-    print(out, "Verified   %s frames, %s texels compared, %s differ; plans %016llx\n",
-          count(sum.verifiedFrames).c_str(), count(sum.verifiedTexels).c_str(),
+    const std::string skipped =
+        sum.skippedTexels > 0 ? ", " + count(sum.skippedTexels) + " left out as stale" : std::string();
+    print(out, "Verified   %s frames, %s texels compared%s, %s differ; plans %016llx\n",
+          count(sum.verifiedFrames).c_str(), count(sum.verifiedTexels).c_str(), skipped.c_str(),
           count(sum.differingTexels).c_str(), static_cast<unsigned long long>(sum.planHash));
     return out;
 }

@@ -94,6 +94,11 @@ TEST(FramesCsv, CellsAreTheReportsOwn) {
         EXPECT_EQ(row.at("active_texels"), std::to_string(s.active.texels));
         EXPECT_EQ(row.at("redraw_casters"), std::to_string(f.redraw[c].casters));
         EXPECT_EQ(row.at("clusters_hidden"), std::to_string(s.clustersHidden));
+        EXPECT_EQ(row.at("triangles_hidden"), std::to_string(s.trianglesHidden));
+        EXPECT_EQ(row.at("asleep"), s.asleep ? "1" : "0");
+        EXPECT_EQ(row.at("unknown_texels"), std::to_string(s.unknownTexels));
+        EXPECT_EQ(row.at("oldest_debt"), std::to_string(s.oldestDebt));
+        EXPECT_EQ(row.at("frame_limit_texels"), "") << "no limit";
         EXPECT_EQ(row.at("frame_chunk_arrivals"), std::to_string(f.report.chunkArrivals));
         EXPECT_EQ(std::stoull(row.at("plan_hash"), nullptr, 16), f.report.planHash);
         EXPECT_EQ(row.at("cache_hash").empty(), f.hashes.empty());

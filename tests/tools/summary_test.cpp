@@ -121,19 +121,21 @@ TEST(Quantile, IsTheNearestRank) {
     EXPECT_EQ(tools::quantile({}, 0.5), 0);
 }
 
-TEST(OcclusionValue, CountsAHiddenClusterLikeADrawnOne) {
+TEST(OcclusionValue, TakesAHiddenTriangleForADrawnOne) {
     tools::Summary summary;
     summary.cascades.resize(2);
     summary.cascades[0].clustersFound = 30;
     summary.cascades[0].clustersHidden = 10;
+    summary.cascades[0].trianglesHidden = 1000;
     summary.cascades[0].total.triangles = 2000;
     summary.cascades[0].staticMs = 8;
     summary.cascades[1].clustersFound = 5;  // all hidden: nothing drawn to judge by
     summary.cascades[1].clustersHidden = 5;
+    summary.cascades[1].trianglesHidden = 100;
     const tools::OcclusionValue value = tools::occlusionValue(summary);
     EXPECT_EQ(value.found, 35u);
     EXPECT_EQ(value.hidden, 15u);
-    EXPECT_EQ(value.trianglesSaved, 1000);
+    EXPECT_EQ(value.trianglesHidden, 1100u);
     EXPECT_EQ(value.msSaved, 4);
 }
 

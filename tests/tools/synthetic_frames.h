@@ -24,6 +24,11 @@ inline cache::CascadeStatistics randomCascade(std::mt19937& rng) {
     statistics.active = randomCost(rng);
     statistics.clustersFound = rng() % 10000;
     statistics.clustersHidden = statistics.clustersFound / 3;
+    statistics.trianglesHidden = rng() % 10000;
+    statistics.asleep = rng() % 5 == 0;
+    statistics.unknownTexels = rng() % 1000;
+    statistics.staleTexels = rng() % 1000;
+    statistics.oldestDebt = rng() % 50;
     return statistics;
 }
 

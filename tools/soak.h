@@ -1,0 +1,41 @@
+// tools/soak.h — seeded mixed life for a ShadowSystem: everything that a world does to its shadow maps,
+// long enough for what leaks or drifts to show.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+
+#include "server/shadow_system.h"
+#include "world/store.h"
+
+namespace tools {
+
+struct SoakConfig {
+    uint64_t frames = 100000;
+    uint64_t verifyEvery = 100;  ///< frames between comparisons with maps drawn from scratch, > 0
+    uint32_t seed = 1;
+    uint32_t objects = 60;  ///< most that live at once
+};
+
+/// Counters are deterministic: equal for equal seeds and worlds. Memory is not.
+struct SoakReport {
+    uint64_t frames = 0, verified = 0;
+    uint64_t texels = 0, stale = 0, differing = 0;  ///< compared, left out as owed, different
+    uint64_t spawns = 0, removals = 0, moves = 0, jumps = 0;
+    uint64_t chunkArrivals = 0, chunkDepartures = 0;
+    uint64_t limitedFrames = 0, sleepers = 0;  ///< frames with a budget; cascades asleep, over all frames
+    uint64_t unknownTexels = 0;   ///< summed over all frames
+    uint64_t planHash = 0;        ///< chained over the frames
+    uint64_t firstHalfBytes = 0, lastHalfBytes = 0;  ///< most resident memory seen in each half of the run
+    std::vector<server::Difference> first;           ///< of the first comparison that differed
+};
+
+/// Walks, turns, stands and jumps a camera around the middle of the world; spawns, moves, rests and
+/// removes objects; now and then limits the budget or looks into the sky; compares all maps every
+/// `verifyEvery` frames and ends at the first difference. Errors of the system pass through with the
+/// frame's number; errors of items are errors here, since no item is bad.
+///   onFrame  called after each frame: frames done
+world::Result<SoakReport> soak(server::ShadowSystem& system, const world::WorldStore& store, const SoakConfig& config,
+                               const std::function<void(uint64_t)>& onFrame);
+
+}  // namespace tools

@@ -1,0 +1,86 @@
+#include "tools/soak_command.h"
+
+#include <cstdio>
+#include <iostream>
+#include <memory>
+#include <string>
+
+#include "tools/difference_text.h"
+#include "tools/progress.h"
+#include "tools/soak.h"
+
+namespace tools {
+namespace {
+
+struct SoakOptions {
+    std::string world;
+    SoakConfig soak;
+    server::ShadowConfig shadow;
+    gpu::DeviceConfig device;
+};
+
+void print(const SoakReport& r) {
+    const auto n = [](uint64_t value) { return static_cast<unsigned long long>(value); };
+    std::printf("frames     %llu; %llu spawns, %llu removals, %llu moves, %llu jumps\n", n(r.frames), n(r.spawns),
+                n(r.removals), n(r.moves), n(r.jumps));
+    std::printf("chunks     %llu arrivals, %llu departures\n", n(r.chunkArrivals), n(r.chunkDepartures));
+    std::printf("owed       %llu frames with a budget, %llu unknown texels summed, %llu sleeping cascades\n",
+                n(r.limitedFrames), n(r.unknownTexels), n(r.sleepers));
+    std::printf("verified   %llu frames, %llu texels compared, %llu left out as stale, %llu differ\n", n(r.verified),
+                n(r.texels), n(r.stale), n(r.differing));
+    std::printf("memory     at most %.1f MiB in the first half, %.1f MiB in the last (%+.2f %%)\n",
+                double(r.firstHalfBytes) / 1048576, double(r.lastHalfBytes) / 1048576,
+                r.firstHalfBytes > 0 ? 100 * (double(r.lastHalfBytes) / double(r.firstHalfBytes) - 1) : 0.0);
+    std::printf("plans      %016llx\n", n(r.planHash));
+}
+
+world::Result<int> runSoak(const SoakOptions& options) {
+    if (options.soak.verifyEvery == 0 || options.soak.frames == 0)
+        return world::Error{world::ErrorCode::kUsage, "--frames and --verify: give whole numbers of 1 or more"};
+    auto store = world::WorldStore::open(options.world);
+    if (!store) return store.error();
+    auto device = gpu::Device::create(options.device);
+    if (!device) return device.error();
+    auto system = server::ShadowSystem::create(*device.value(), store.value(), options.shadow);
+    if (!system) return system.error();
+    world::Result<SoakReport> report = SoakReport{};
+    {
+        Progress progress("soak", std::cerr, stderrIsTerminal());
+        report = soak(*system.value(), store.value(), options.soak,
+                      [&](uint64_t frames) { progress.at(size_t(frames), size_t(options.soak.frames)); });
+    }
+    if (!report) return report.error();
+    print(report.value());
+    for (const server::Difference& d : report.value().first) std::cout << toText(d) << '\n';
+    const std::vector<std::string> messages = device.value()->validationMessages();
+    for (const std::string& message : messages) std::cerr << message << '\n';
+    if (!messages.empty())
+        return world::Error{world::ErrorCode::kDevice,
+                            std::to_string(messages.size()) + " validation messages, listed above"};
+    return report.value().differing == 0 ? 0 : 1;
+}
+
+}  // namespace
+
+Command addSoakCommand(CLI::App& app) {
+    const auto options = std::make_shared<SoakOptions>();
+    options->shadow.cascades = 3;
+    options->shadow.side = 256;
+    options->shadow.farDistance = 120;
+    options->shadow.restSeconds = 1;
+    CLI::App* parser = app.add_subcommand("soak", "Live long on a small world, seeded, and compare maps on the way");
+    parser->add_option("world", options->world, "world file")->required();
+    parser->add_option("--frames", options->soak.frames, "frames to live");
+    parser->add_option("--verify", options->soak.verifyEvery, "redraw and compare every texel of every Nth frame");
+    parser->add_option("--seed", options->soak.seed, "seed of all that happens");
+    parser->add_option("--objects", options->soak.objects, "most objects that live at once");
+    parser->add_option("--cascades", options->shadow.cascades, "cascades, 1 to 8");
+    parser->add_option("--resolution", options->shadow.side, "texels a side of each map, 64 to 8192");
+    parser->add_option("--far", options->shadow.farDistance, "how far from the eye shadows reach [m]");
+    parser->add_option("--guard-band", options->shadow.guardBand, "windows move in steps of this many texels");
+    parser->add_option("--device", options->device.nameContains, "use the first device whose name contains this");
+    parser->add_flag("--validation", options->device.validation, "Vulkan's core and synchronization validation");
+    return {parser, [options] { return runSoak(*options); }};
+}
+
+}  // namespace tools
