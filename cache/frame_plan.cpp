@@ -7,6 +7,12 @@
 
 namespace cache {
 
+void FramePlan::reset(size_t maps) {
+    transforms.clear();
+    items.clear();
+    cascades.assign(maps, {});
+}
+
 bool FramePlan::idle() const {
     return std::all_of(cascades.begin(), cascades.end(), [](const CascadePlan& c) { return c.idle(); });
 }

@@ -67,6 +67,8 @@ struct FramePlan {
     std::vector<DrawItem> items;
     std::vector<CascadePlan> cascades;
 
+    /// Nothing to do for `maps` pairs of maps; keeps its memory.
+    void reset(size_t maps);
     bool idle() const;
     /// Hash over all of the above, for "same input, same plan".
     uint64_t hash() const;

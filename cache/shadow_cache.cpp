@@ -98,6 +98,7 @@ private:
         RectSet drawn, forgotten;   ///< of the cache map: what the working map must follow
         PlanWriter writer;
     };
+    CascadePlan& maps(size_t cascade) { return plan_.cascades[cache_.config_.firstMap + cascade]; }
     void sleep(size_t cascade);
     void collect(size_t cascade);
     void drawAll();
@@ -165,7 +166,7 @@ void ShadowCache::Frame::collect(size_t c) {
     if (!held || isJump(before.min, window.min, state.lattice.side)) {
         state.owed.clear();
         state.slept.clear();
-        add({window, held ? Cause::kJump : Cause::kStart, Owes::kUnknown, now}, true);
+        add({window, held ? Cause::kJump : demand_.begin, Owes::kUnknown, now}, true);
         return;
     }
     state.owed.clip(window);
@@ -197,7 +198,7 @@ void ShadowCache::Frame::collect(size_t c) {
 PlanWriter::Counts ShadowCache::Frame::write(const Work& work) {
     const State& state = cache_.states_[size_t(work.cascade)];
     const TexelRect& rect = work.region.rect;
-    CascadePlan& cascade = plan_.cascades[size_t(work.cascade)];
+    CascadePlan& cascade = maps(size_t(work.cascade));
     pieces_.clear();
     splitAtWrap(state.lattice, rect, pieces_);
     if (work.clear) {
@@ -232,7 +233,7 @@ void ShadowCache::Frame::forgetDepths(size_t c, const TexelRect& rect) {
     if (rect.empty()) return;
     pieces_.clear();
     splitAtWrap(cache_.states_[c].lattice, rect, pieces_);
-    CascadePlan& cascade = plan_.cascades[c];
+    CascadePlan& cascade = maps(c);
     for (const Piece& piece : pieces_)
         (cache_.config_.sabotage == Sabotage::kUnknownAsEmpty ? cascade.clears : cascade.unknowns).push_back(piece.store);
     cascades_[c].forgotten.addExactly(rect);
@@ -250,7 +251,7 @@ void ShadowCache::Frame::owe(const Work& work, const TexelRect& rect) {
 bool ShadowCache::Frame::take(Work work, Limits& left) {
     const auto c = size_t(work.cascade);
     const Texel eye = cascades_[c].eye;
-    CascadePlan& cascade = plan_.cascades[c];
+    CascadePlan& cascade = maps(c);
     CascadeStatistics& s = statistics_[c];
     std::vector<TexelRect> todo, rest{work.region.rect};
     for (uint64_t room = left.texels; room > 0 && !rest.empty();) {
@@ -332,7 +333,7 @@ void ShadowCache::Frame::drawWithin(Limits limits) {
 
 /// Counts the static part on its own, from what was written.
 void ShadowCache::Frame::count(size_t c) {
-    const CascadePlan& cascade = plan_.cascades[c];
+    const CascadePlan& cascade = maps(c);
     const State& state = cache_.states_[c];
     CascadeStatistics& s = statistics_[c];
     s.total.texels = static_cast<uint64_t>(cascades_[c].drawn.area());
@@ -367,7 +368,7 @@ void ShadowCache::Frame::run() {
         state.slept.clear();
         for (const world::Box& box : events_.activeDirt)
             dirt.add(intersection(footprint(state.lattice, box), state.window));
-        writeWorking(scene_, state.lattice, dirt.rects(), cascade.writer, plan_.cascades[c], statistics_[c]);
+        writeWorking(scene_, state.lattice, dirt.rects(), cascade.writer, maps(c), statistics_[c]);
     }
 }
 
@@ -398,25 +399,21 @@ uint64_t ShadowCache::ageBound(uint64_t texels) const {
 
 void ShadowCache::plan(const Scene& scene, const Events& events, const Demand& demand, FramePlan& plan,
                        std::vector<CascadeStatistics>& statistics) {
-    plan.transforms.clear();
-    plan.items.clear();
-    plan.cascades.assign(states_.size(), {});
+    CHECK(plan.cascades.size() >= config_.firstMap + states_.size());
     statistics.assign(states_.size(), {});
     ++frame_;
     Frame(*this, scene, events, demand, plan, statistics).run();
 }
 
 void ShadowCache::planRedraw(const Scene& scene, FramePlan& plan, std::vector<CascadeStatistics>& statistics) const {
-    plan.transforms.clear();
-    plan.items.clear();
-    plan.cascades.assign(states_.size(), {});
+    CHECK(plan.cascades.size() >= config_.firstMap + states_.size());
     statistics.assign(states_.size(), {});
     std::vector<world::CasterId> casters;
     std::vector<Piece> pieces;
     for (size_t c = 0; c < states_.size(); ++c) {
         const State& state = states_[c];
         if (!state.drawn) continue;
-        CascadePlan& cascade = plan.cascades[c];
+        CascadePlan& cascade = plan.cascades[config_.firstMap + c];
         CascadeStatistics& s = statistics[c];
         PlanWriter writer(scene, config_, int(c), state.lattice, plan);
         s.window = state.window.min;

@@ -30,6 +30,7 @@ enum class Sabotage : uint8_t {
     kStickyCertificate, ///< an occluder leaves and what it hid stays hidden (done by culling)
     kForgottenDebt,     ///< what a limited frame leaves undone counts as done
     kUnknownAsEmpty,    ///< texels in which nothing was drawn yet say that nothing is there
+    kMixedSuns,         ///< the maps of a new direction begin with what the old one left (done by the server)
     kSleptMotion,       ///< active casters that moved while a cascade slept leave their old texels behind
 };
 
@@ -38,6 +39,7 @@ struct CacheConfig {
     int guardBand = 1;      ///< windows move in steps of this many texels, >= 1
     double depthNear = 0;   ///< light-space z of depth 0 [m]; nearer casters are clamped to it
     double depthRange = 1;  ///< metres per unit of depth, > 0
+    size_t firstMap = 0;    ///< place of cascade 0's maps in a FramePlan; the others follow
     Sabotage sabotage = Sabotage::kNone;
 };
 
@@ -75,8 +77,9 @@ struct Events {
 /// What a frame is asked for.
 struct Demand {
     glm::dvec2 eye{0};    ///< light-space x, y [m]
+    Cause begin = Cause::kStart;  ///< of drawing maps that hold nothing yet
     uint32_t asleep = 0;  ///< bit c: nothing that cascade c serves can be seen; its maps may wait
-    Limits limits;        ///< on what is drawn into the cache maps
+    Limits limits{};      ///< on what is drawn into the cache maps
 };
 
 /// One cache map and one working map per cascade, as a decision: holds windows and debts, never pixels.
@@ -95,12 +98,13 @@ public:
 
     /// Plans the frame: afterwards the cache maps hold all static casters within the windows around the
     /// eye, and the working maps the active ones as well, but for what is owed.
+    ///   plan        reset by the caller, with room for this cache's maps; other caches may share it
     ///   statistics  one per cascade, replaced
     void plan(const Scene& scene, const Events& events, const Demand& demand, FramePlan& plan,
               std::vector<CascadeStatistics>& statistics);
 
     /// Plans drawing all maps from scratch in their committed windows, without certificates.
-    /// Changes nothing.
+    /// Changes nothing of its own.
     void planRedraw(const Scene& scene, FramePlan& plan, std::vector<CascadeStatistics>& statistics) const;
 
     /// Forgets what the maps hold: the next plan draws everything.

@@ -5,6 +5,7 @@ namespace cache {
 const char* toString(Cause cause) {
     switch (cause) {
         case Cause::kStart: return "start";
+        case Cause::kSun: return "sun";
         case Cause::kJump: return "jump";
         case Cause::kScroll: return "scroll";
         case Cause::kDeparture: return "departure";

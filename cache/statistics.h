@@ -12,6 +12,7 @@ namespace cache {
 /// is counted under one cause: the first of this list that applies to it.
 enum class Cause : uint8_t {
     kStart,      ///< nothing was there yet
+    kSun,        ///< the sun stepped: maps of its new direction begin
     kJump,       ///< the window moved by its width or more
     kScroll,     ///< a slab that the window's move exposed
     kDeparture,  ///< a static caster left with its chunk
@@ -19,7 +20,10 @@ enum class Cause : uint8_t {
     kArrival,    ///< a static caster came with its chunk
     kPromotion,  ///< an active caster came to rest and became static
 };
-constexpr int kCauses = 7;
+/// Height above its receiver of the caster by which a sun's lag is judged [m]: a house.
+constexpr double kSunHeight = 10;
+
+constexpr int kCauses = 8;
 const char* toString(Cause cause);
 
 /// Cost of drawing. A caster or draw that several regions of a frame need counts once in each.
@@ -52,6 +56,7 @@ struct CascadeStatistics {
     uint64_t unknownTexels = 0;   ///< of the window, after this frame
     uint64_t staleTexels = 0;     ///< of the cache map, likewise
     uint64_t oldestDebt = 0;      ///< frames that the longest owed of them has waited
+    double sunError = 0;  ///< how far the sun's lag moves the shadow of what stands kSunHeight above [texels]
 };
 
 }  // namespace cache

@@ -2,6 +2,7 @@
 // detail that each cascade draws and the map-plane rectangle of every cluster.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <glm/glm.hpp>
@@ -40,6 +41,8 @@ public:
     const LightSpace& space() const { return space_; }
     const std::vector<Cascade>& cascades() const { return cascades_; }
 
+    /// Room for ids below `slots`: after it, calls for different ids may run side by side.
+    void reserve(size_t slots) { casters_.resize(std::max(casters_.size(), slots)); }
     /// Fits cluster rectangles to the vertices: dear, for casters that stay.
     void addStatic(world::CasterId id, const world::CasterTable& table);
     /// Bounds clusters by their turned boxes: cheap and wider, for casters that move.

@@ -1,5 +1,7 @@
 #include "server/resident_scene.h"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -42,23 +44,79 @@ bool finite(const world::Placement& p) {
 }  // namespace
 
 ResidentScene::ResidentScene(const world::WorldStore& store, gpu::ShadowMaps& maps, const culling::LightSpace& space,
-                             std::vector<culling::Cascade> cascades, const SceneConfig& config)
+                             const std::vector<culling::Cascade>& cascades, const SceneConfig& config)
     : store_(store),
       maps_(maps),
       config_(config),
       streamer_(store, config.residentBytes),
-      light_(space, std::move(cascades)),
       statics_(store.header().bounds, kSmallestCell),
-      sets_(config.restSeconds, config.promotionsPerFrame) {}
+      sets_(config.restSeconds, config.promotionsPerFrame) {
+    sides_.push_back(std::make_unique<SunSide>(space, cascades));
+}
 
-cache::Scene ResidentScene::view(bool hide) const {
-    return {table_, light_, statics_, sets_.active(), hide ? occlusion_.get() : nullptr};
+void ResidentScene::openNext(const culling::LightSpace& space) {
+    CHECK(sides_.size() == 1);
+    auto side = std::make_unique<SunSide>(space, shown().light.cascades());
+    side->light.reserve(table_.slots());
+    tbb::parallel_for(world::CasterId(0), world::CasterId(table_.slots()), [&](world::CasterId id) {
+        if (table_[id].state == world::CasterState::kStatic) side->light.addStatic(id, table_);
+        if (table_[id].state == world::CasterState::kActive) side->light.addActive(id, table_);
+    });
+    sides_.push_back(std::move(side));
+    streamedAt_.reset();  // the new light comes through other chunks
+}
+
+void ResidentScene::showNext() {
+    CHECK(sides_.size() == 2);
+    sides_.erase(sides_.begin());
+}
+
+void ResidentScene::dropNext() {
+    CHECK(sides_.size() == 2);
+    sides_.pop_back();
+}
+
+cache::Scene ResidentScene::view(size_t side, bool hide) const {
+    return {table_, sides_[side]->light, statics_, sets_.active(), hide ? sides_[side]->occlusion.get() : nullptr};
+}
+
+void ResidentScene::settle() {
+    arrivals_.clear();
+    for (auto& side : sides_) {
+        side->departures.clear();
+        side->activeDirt.clear();
+    }
+}
+
+void ResidentScene::placeStatic(world::CasterId caster) {
+    for (auto& side : sides_) side->light.addStatic(caster, table_);
+}
+
+void ResidentScene::placeActive(world::CasterId caster) {
+    for (auto& side : sides_) side->light.addActive(caster, table_);
+}
+
+void ResidentScene::dirtyActive(world::CasterId caster) {
+    for (auto& side : sides_) side->activeDirt.push_back(side->light[caster].bounds);
+}
+
+void ResidentScene::depart(world::CasterId caster, cache::Cause cause) {
+    for (auto& side : sides_) side->departures.push_back({side->light[caster].bounds, cause});
+}
+
+size_t ResidentScene::revoke(std::span<const world::CasterId> casters) {
+    size_t revoked = 0;
+    for (auto& side : sides_)
+        if (side->occlusion) revoked += side->occlusion->remove(casters);
+    return revoked;
 }
 
 world::Result<world::Done> ResidentScene::uploadLevels(world::CasterId caster) {
     world::MeshEntry& entry = table_.mesh(table_[caster].mesh);
-    for (size_t c = 0; c < light_.cascades().size(); ++c) {
-        const auto level = static_cast<size_t>(light_.level(caster, int(c)));
+    // Levels follow from texels and scale: the same for every sun.
+    const culling::LightCasters& light = shown().light;
+    for (size_t c = 0; c < light.cascades().size(); ++c) {
+        const auto level = static_cast<size_t>(light.level(caster, int(c)));
         if (entry.geometry[level] != world::kNoGeometry) continue;
         auto id = maps_.upload(entry.mesh->levels[level]);
         if (!id) return id.error();
@@ -70,17 +128,18 @@ world::Result<world::Done> ResidentScene::uploadLevels(world::CasterId caster) {
 void ResidentScene::removeMesh(world::MeshSlot slot) {
     for (uint32_t id : table_.mesh(slot).geometry)
         if (id != world::kNoGeometry) maps_.release(id);
-    if (occlusion_) occlusion_->forgetMesh(slot);
+    for (auto& side : sides_)
+        if (side->occlusion) side->occlusion->forgetMesh(slot);
     table_.removeMesh(slot);
 }
 
 world::Result<world::CasterId> ResidentScene::addStatic(world::MeshSlot mesh, const world::Placement& placement,
-                                                        world::CasterOrigin origin, SceneChanges& changes) {
+                                                        world::CasterOrigin origin) {
     const world::CasterId id = table_.add(mesh, placement, world::CasterState::kStatic, origin);
-    light_.addStatic(id, table_);
+    placeStatic(id);
     statics_.insert(id, table_[id].bounds);
     if (auto done = uploadLevels(id); !done) return done.error();
-    changes.arrivals.push_back({id, cache::Cause::kArrival});
+    arrivals_.push_back({id, cache::Cause::kArrival});
     return id;
 }
 
@@ -122,7 +181,7 @@ world::Result<ObjectId> ResidentScene::adopt(const std::string& name) {
         }
     }
     if (!taken) {
-        auto caster = addStatic(slot.value(), instance.placement, origin, pending_);
+        auto caster = addStatic(slot.value(), instance.placement, origin);
         if (!caster) return caster.error();
         object.caster = caster.value();
     }
@@ -176,17 +235,17 @@ world::Result<ObjectId> ResidentScene::spawn(uint32_t mesh, const world::Placeme
     Object object{.rest = placement, .deforms = traits.deforms};
     const world::CasterOrigin origin{{}, -1, static_cast<int32_t>(id)};
     if (traits.atRest) {
-        auto caster = addStatic(slot.value(), placement, origin, pending_);
+        auto caster = addStatic(slot.value(), placement, origin);
         if (!caster) return caster.error();
         object.caster = caster.value();
     } else {
         object.caster = table_.add(slot.value(), placement, world::CasterState::kActive, origin, traits.margin);
-        light_.addActive(object.caster, table_);
+        placeActive(object.caster);
         if (auto done = uploadLevels(object.caster); !done) {
             table_.remove(object.caster);
             return done.error();
         }
-        pending_.activeDirt.push_back(light_[object.caster].bounds);
+        dirtyActive(object.caster);
         if (traits.deforms) sets_.keepActive(object.caster);
         else spawned_.push_back(object.caster);
     }
@@ -194,22 +253,22 @@ world::Result<ObjectId> ResidentScene::spawn(uint32_t mesh, const world::Placeme
     return id;
 }
 
-void ResidentScene::leaveStatics(world::CasterId id, cache::Cause cause, SceneChanges& changes) {
-    if (occlusion_) changes.revocations += occlusion_->remove(std::span(&id, 1));
+void ResidentScene::leaveStatics(world::CasterId id, cache::Cause cause) {
+    revocations_ += revoke(std::span(&id, 1));
     statics_.remove(id);
-    const auto unseen = std::find_if(changes.arrivals.begin(), changes.arrivals.end(),
+    const auto unseen = std::find_if(arrivals_.begin(), arrivals_.end(),
                                      [&](const cache::Arrival& a) { return a.caster == id; });
-    if (unseen != changes.arrivals.end()) changes.arrivals.erase(unseen);
-    else changes.departures.push_back({light_[id].bounds, cause});
+    if (unseen != arrivals_.end()) arrivals_.erase(unseen);
+    else depart(id, cause);
 }
 
 world::Result<world::Done> ResidentScene::remove(ObjectId number) {
     if (auto alive = requireAlive(number); !alive) return alive.error();
     Object& object = objects_[number];
     if (table_[object.caster].state == world::CasterState::kStatic) {
-        leaveStatics(object.caster, cache::Cause::kDeparture, pending_);
+        leaveStatics(object.caster, cache::Cause::kDeparture);
     } else {
-        pending_.activeDirt.push_back(light_[object.caster].bounds);
+        dirtyActive(object.caster);
         sets_.forget(object.caster);
         std::erase(spawned_, object.caster);
     }
@@ -234,37 +293,36 @@ void ResidentScene::moveObjects(double time, std::span<const ObjectUpdate> updat
         }
         if (table_[id].placement == update.placement && !object.deforms) continue;
         if (table_[id].state == world::CasterState::kStatic) {
-            leaveStatics(id, cache::Cause::kDemotion, changes);
+            leaveStatics(id, cache::Cause::kDemotion);
             table_.setState(id, world::CasterState::kActive);
         } else {
-            changes.activeDirt.push_back(light_[id].bounds);
+            dirtyActive(id);
         }
         table_.place(id, update.placement);
-        light_.addActive(id, table_);
-        changes.activeDirt.push_back(light_[id].bounds);
+        placeActive(id);
+        dirtyActive(id);
         if (!object.deforms) sets_.moved(id, time);
         if (auto done = uploadLevels(id); !done) changes.errors.push_back(done.error());
     }
 }
 
-world::Result<world::Done> ResidentScene::promote(double time, SceneChanges& changes) {
+void ResidentScene::promote(double time) {
     for (world::CasterId id : sets_.promote(time)) {
-        changes.activeDirt.push_back(light_[id].bounds);
+        dirtyActive(id);
         table_.setState(id, world::CasterState::kStatic);
-        light_.addStatic(id, table_);
+        placeStatic(id);
         statics_.insert(id, table_[id].bounds);
-        changes.arrivals.push_back({id, cache::Cause::kPromotion});
+        arrivals_.push_back({id, cache::Cause::kPromotion});
     }
-    return world::Done{};
 }
 
 void ResidentScene::dropChunk(world::ChunkKey key, SceneChanges& changes) {
     const auto at = chunks_.find(key);
     CHECK(at != chunks_.end());
     ResidentChunk& chunk = at->second;
-    if (occlusion_) changes.revocations += occlusion_->remove(chunk.casters);
+    changes.revocations += revoke(chunk.casters);
     for (world::CasterId id : chunk.casters) {
-        changes.departures.push_back({light_[id].bounds, cache::Cause::kDeparture});
+        depart(id, cache::Cause::kDeparture);
         statics_.remove(id);
         table_.remove(id);
     }
@@ -285,14 +343,14 @@ world::Result<world::Done> ResidentScene::addChunk(std::shared_ptr<const world::
         resident.terrain = table_.addMesh(chunk->terrain);
         world::Placement placement;
         placement.translation = glm::dvec3(chunk->key.x, 0, chunk->key.z) * store_.header().chunkSize;
-        if (auto done = keep(addStatic(*resident.terrain, placement, {chunk->key, -1, -1}, changes)); !done)
+        if (auto done = keep(addStatic(*resident.terrain, placement, {chunk->key, -1, -1})); !done)
             return done.error();
     }
     for (uint32_t slot = 0; slot < chunk->instances.size(); ++slot) {
         if (adopted_.contains({chunk->key, slot})) continue;
         const world::Instance& instance = chunk->instances[slot];
         auto done = keep(addStatic(meshSlots_.at(instance.mesh), instance.placement,
-                                   {chunk->key, static_cast<int32_t>(slot), -1}, changes));
+                                   {chunk->key, static_cast<int32_t>(slot), -1}));
         if (!done) return done.error();
     }
     ++changes.chunkArrivals;
@@ -305,11 +363,15 @@ world::Result<world::Done> ResidentScene::stream(glm::dvec3 eye, SceneChanges& c
     // What may cast onto receivers near the eye: everything in their column of light, toward the sun
     // without end, away from it as far as receivers can be.
     const auto within = [&](const world::Box& bounds, double reach) {
-        const world::Box b = light_.space().toLight(bounds);
-        return b.min.x <= eye.x + reach && b.max.x >= eye.x - reach && b.min.y <= eye.y + reach &&
-               b.max.y >= eye.y - reach && b.min.z <= eye.z + reach;
+        return std::any_of(sides_.begin(), sides_.end(), [&](const auto& side) {
+            const culling::LightSpace& space = side->light.space();
+            const world::Box b = space.toLight(bounds);
+            const glm::dvec3 at = space.toLight(eye);
+            return b.min.x <= at.x + reach && b.max.x >= at.x - reach && b.min.y <= at.y + reach &&
+                   b.max.y >= at.y - reach && b.min.z <= at.z + reach;
+        });
     };
-    const double windows = light_.cascades().back().texel * (config_.side / 2.0 + config_.guardBand);
+    const double windows = shown().light.cascades().back().texel * (config_.side / 2.0 + config_.guardBand);
     auto events = streamer_.advance([&](const world::Box& b) { return within(b, windows + slack); },
                                     [&](const world::Box& b) { return within(b, windows + 2 * slack); });
     if (!events) return events.error();
@@ -328,39 +390,47 @@ world::Result<world::Done> ResidentScene::stream(glm::dvec3 eye, SceneChanges& c
     return world::Done{};
 }
 
-void ResidentScene::occlude(glm::dvec3 eye, SceneChanges& changes) {
+world::Result<world::Done> ResidentScene::startOcclusion(glm::dvec3 eye) {
+    occlusionStarted_ = true;
+    SunSide& side = *sides_.front();
+    const culling::LightSpace& space = side.light.space();
+    const world::Box extent = space.toLight(store_.header().bounds);
+    auto occlusion = culling::Occlusion::create(
+        table_, side.light,
+        {config_.raysPerCluster, std::max(1.0, extent.extent().z), space.toLight(eye), config_.side, config_.stickyCertificates});
+    if (!occlusion) return occlusion.error();
+    side.occlusion = std::move(occlusion.value());
+    return world::Done{};
+}
+
+void ResidentScene::occlude(SunSide& side, glm::dvec3 eye, SceneChanges& changes) {
     // A cascade's rays are spent where its window is or soon will be: the finest cascade covers a
     // thousandth of the coarsest one's ground and would cost most of the rays.
-    const auto& cascades = light_.cascades();
-    const bool first = certifiedAt_.empty();
-    certifiedAt_.resize(cascades.size());
+    const auto& cascades = side.light.cascades();
+    const bool first = side.certifiedAt.empty();
+    side.certifiedAt.resize(cascades.size());
+    const glm::dvec2 at(side.light.space().toLight(eye));
     std::vector<world::CasterId> near;
     for (size_t c = 0; c < cascades.size(); ++c) {
         const double slack = kSlack * cascades[c].split;
-        const glm::dvec2 at(eye);
-        if (!first && changes.arrivals.empty() && glm::length(at - certifiedAt_[c]) <= slack / 2) continue;
-        certifiedAt_[c] = at;
+        if (!first && arrivals_.empty() && glm::length(at - side.certifiedAt[c]) <= slack / 2) continue;
+        side.certifiedAt[c] = at;
         const double reach = cascades[c].texel * (config_.side / 2.0 + config_.guardBand) + slack;
-        culling::castersOver(statics_, light_, at - reach, at + reach, near);
-        changes.certify += occlusion_->admit(int(c), near);
+        culling::castersOver(statics_, side.light, at - reach, at + reach, near);
+        changes.certify += side.occlusion->admit(int(c), near);
     }
 }
 
 world::Result<SceneChanges> ResidentScene::advance(double time, glm::dvec3 eye,
                                                    std::span<const ObjectUpdate> updates) {
-    SceneChanges changes = std::exchange(pending_, {});
+    SceneChanges changes;
     for (world::CasterId id : spawned_) sets_.moved(id, time);
     spawned_.clear();
-    if (config_.occlusion && !occlusion_) {
-        auto occlusion = culling::Occlusion::create(
-            table_, light_,
-            {config_.raysPerCluster, config_.depthRange, eye, config_.side, config_.stickyCertificates});
-        if (!occlusion) return occlusion.error();
-        occlusion_ = std::move(occlusion.value());
-    }
+    if (config_.occlusion && !occlusionStarted_)
+        if (auto started = startOcclusion(eye); !started) return started.error();
     const Stopwatch sets;
     moveObjects(time, updates, changes);
-    if (auto done = promote(time, changes); !done) return done.error();
+    promote(time);
     changes.setsMs = sets.ms();
 
     const Stopwatch streaming;
@@ -368,9 +438,11 @@ world::Result<SceneChanges> ResidentScene::advance(double time, glm::dvec3 eye,
     changes.streamMs = streaming.ms();
 
     const Stopwatch occlusion;
-    std::sort(changes.arrivals.begin(), changes.arrivals.end(),
+    std::sort(arrivals_.begin(), arrivals_.end(),
               [](const cache::Arrival& a, const cache::Arrival& b) { return a.caster < b.caster; });
-    if (occlusion_) occlude(eye, changes);
+    for (auto& side : sides_)
+        if (side->occlusion) occlude(*side, eye, changes);
+    changes.revocations += std::exchange(revocations_, 0);
     changes.occlusionMs = occlusion.ms();
     return changes;
 }

@@ -45,18 +45,14 @@ struct SceneConfig {
     double restSeconds = 10;
     uint32_t promotionsPerFrame = 16;
     uint64_t residentBytes = 4ull << 30;
-    double depthRange = 1;  ///< [m]
     int side = 1024;
     int guardBand = 1;  ///< [texels]
     bool stickyCertificates = false;  ///< a deliberate defect, for tests
 };
 
-/// What a frame changed, for the cache, and what it cost.
+/// What a frame's changes cost.
 struct SceneChanges {
-    std::vector<cache::Departure> departures;
-    std::vector<cache::Arrival> arrivals;             ///< ascending by caster
-    uint64_t revocations = 0;                         ///< certificates that fell
-    std::vector<world::Box> activeDirt;               ///< light space
+    uint64_t revocations = 0;  ///< certificates that fell
     uint32_t chunkArrivals = 0, chunkDepartures = 0;
     uint64_t bytesRead = 0;
     culling::CertifyCosts certify;
@@ -64,12 +60,23 @@ struct SceneChanges {
     std::vector<world::Error> errors;
 };
 
-/// One thread at a time.
+/// The casters as one sun sees them, and what happened to them since the last `settle`.
+struct SunSide {
+    SunSide(const culling::LightSpace& space, const std::vector<culling::Cascade>& cascades) : light(space, cascades) {}
+    culling::LightCasters light;
+    std::unique_ptr<culling::Occlusion> occlusion;  ///< null: everything is drawn
+    std::vector<glm::dvec2> certifiedAt;  ///< per cascade: eye at the last look for certificates
+    std::vector<cache::Departure> departures;
+    std::vector<world::Box> activeDirt;  ///< light space
+};
+
+/// One thread at a time. Seen by one sun, or by two while the sun steps: side 0 is shown, side 1 is the
+/// next one.
 class ResidentScene {
 public:
     /// All references must outlive it.
     ResidentScene(const world::WorldStore& store, gpu::ShadowMaps& maps, const culling::LightSpace& space,
-                  std::vector<culling::Cascade> cascades, const SceneConfig& config);
+                  const std::vector<culling::Cascade>& cascades, const SceneConfig& config);
 
     world::Result<ObjectId> adopt(const std::string& name);
     const world::Placement& restPlacement(ObjectId object) const { return objects_[object].rest; }
@@ -77,19 +84,33 @@ public:
     world::Result<ObjectId> spawn(uint32_t mesh, const world::Placement& placement, const ObjectTraits& traits);
     world::Result<world::Done> remove(ObjectId object);
 
-    /// Moves objects, settles the static and active sets, streams for an eye at `eye` (light space),
-    /// and certifies what comes near. Bad items are reported and skipped; an Error (kLimit, kDevice)
+    /// Opens side 1. Its casters get no certificates: a sun that steps outlives few of them.
+    void openNext(const culling::LightSpace& space);
+    /// Side 1 becomes side 0, and the old one is dropped.
+    void showNext();
+    /// Drops side 1.
+    void dropNext();
+    size_t sides() const { return sides_.size(); }
+
+    /// Moves objects, settles the static and active sets, streams for an eye at `eye` (world, [m]), and
+    /// certifies what comes near. Bad items are reported and skipped; an Error (kLimit, kDevice)
     /// means that the scene could not be completed.
     world::Result<SceneChanges> advance(double time, glm::dvec3 eye, std::span<const ObjectUpdate> updates);
 
     /// For the cache. `hide`: with certificates.
-    cache::Scene view(bool hide) const;
+    cache::Scene view(size_t side, bool hide) const;
+    /// What happened since the last `settle`.
+    cache::Events events(size_t side) const {
+        return {sides_[side]->departures, arrivals_, sides_[side]->activeDirt};
+    }
+    /// The caches know of all events.
+    void settle();
     /// Cascades (bit c) that serve nothing which `view` can see.
     uint32_t unseen(const culling::View& view, bool servesNearer) const {
-        return culling::unseenCascades(view, light_.cascades(), statics_, table_, sets_.active(), servesNearer);
+        return culling::unseenCascades(view, shown().light.cascades(), statics_, table_, sets_.active(), servesNearer);
     }
     const world::CasterTable& casters() const { return table_; }
-    const culling::LightCasters& light() const { return light_; }
+    const culling::LightCasters& light(size_t side) const { return sides_[side]->light; }
 
 private:
     struct Object {
@@ -102,6 +123,11 @@ private:
         std::vector<world::CasterId> casters;
         std::optional<world::MeshSlot> terrain;
     };
+    const SunSide& shown() const { return *sides_.front(); }
+    void placeStatic(world::CasterId caster);
+    void placeActive(world::CasterId caster);
+    void dirtyActive(world::CasterId caster);
+    void depart(world::CasterId caster, cache::Cause cause);
     void moveObjects(double time, std::span<const ObjectUpdate> updates, SceneChanges& changes);
     world::Result<world::Done> requireAlive(ObjectId object) const;
     /// A placement that the maps can hold: finite, and not beyond kFarthest.
@@ -109,36 +135,38 @@ private:
                                                 const world::Placement& placement, float margin) const;
     world::Result<world::MeshSlot> pinnedMesh(uint32_t mesh);
     /// The static caster leaves the static set: for an arrival that no map has seen, as if it never came.
-    void leaveStatics(world::CasterId caster, cache::Cause cause, SceneChanges& changes);
-    world::Result<world::Done> promote(double time, SceneChanges& changes);
+    void leaveStatics(world::CasterId caster, cache::Cause cause);
+    size_t revoke(std::span<const world::CasterId> casters);
+    void promote(double time);
     world::Result<world::Done> stream(glm::dvec3 eye, SceneChanges& changes);
     void dropChunk(world::ChunkKey key, SceneChanges& changes);
     world::Result<world::Done> addChunk(std::shared_ptr<const world::Chunk> chunk, SceneChanges& changes);
     world::Result<world::CasterId> addStatic(world::MeshSlot mesh, const world::Placement& placement,
-                                             world::CasterOrigin origin, SceneChanges& changes);
+                                             world::CasterOrigin origin);
     /// Uploads the levels that the caster's cascades draw.
     world::Result<world::Done> uploadLevels(world::CasterId caster);
     void removeMesh(world::MeshSlot slot);
-    void occlude(glm::dvec3 eye, SceneChanges& changes);
+    world::Result<world::Done> startOcclusion(glm::dvec3 eye);
+    void occlude(SunSide& side, glm::dvec3 eye, SceneChanges& changes);
 
     const world::WorldStore& store_;
     gpu::ShadowMaps& maps_;
     SceneConfig config_;
     world::Streamer streamer_;
     world::CasterTable table_;
-    culling::LightCasters light_;
+    std::vector<std::unique_ptr<SunSide>> sides_;  ///< one or two
     world::Octree statics_;
-    std::unique_ptr<culling::Occlusion> occlusion_;
+    bool occlusionStarted_ = false;
     cache::CasterSets sets_;
     std::map<uint32_t, world::MeshSlot> meshSlots_;  ///< by mesh id
     std::map<world::ChunkKey, ResidentChunk> chunks_;
     std::vector<Object> objects_;
     std::map<std::pair<world::ChunkKey, uint32_t>, ObjectId> adopted_;
     std::optional<std::vector<world::NamedInstance>> names_;
-    SceneChanges pending_;                  ///< what happened to objects before the next frame
+    std::vector<cache::Arrival> arrivals_;  ///< since the last `settle`
+    uint64_t revocations_ = 0;              ///< likewise
     std::vector<world::CasterId> spawned_;  ///< active, rest from the next frame on
-    std::optional<glm::dvec3> streamedAt_; ///< eye at the last evaluation of wants, light space
-    std::vector<glm::dvec2> certifiedAt_;  ///< per cascade: eye at the last look for certificates
+    std::optional<glm::dvec3> streamedAt_;  ///< eye at the last evaluation of wants
 };
 
 }  // namespace server

@@ -23,6 +23,7 @@ constexpr size_t kReported = 8;  ///< differences and casters that a verificatio
 
 /// What lavapipe takes for a small triangle, to begin with; frames under a time budget correct it.
 constexpr double kFirstMsPerTriangle = 1.0 / 7000;
+constexpr double kLargestSunStep = 0.2;  // [rad]
 /// Beyond this a point [m] is in no window, and no texel could be counted for it.
 constexpr double kFarthestPoint = 1e9;
 /// Weight of the latest frame in that correction.
@@ -45,35 +46,59 @@ double msSince(std::chrono::steady_clock::time_point start) {
 
 }  // namespace
 
+/// One direction of the sun and what its maps hold.
+struct Sun {
+    culling::LightSpace space;
+    cache::ShadowCache cache;
+    cache::Cause begin = cache::Cause::kStart;  ///< of its first drawing
+};
+
 struct ShadowSystem::Impl {
-    Impl(const world::WorldStore& store, const ShadowConfig& c, std::unique_ptr<gpu::ShadowMaps> m,
-         const culling::LightSpace& lightSpace, const std::vector<culling::Cascade>& lightCascades,
-         const cache::CacheConfig& cacheConfig)
+    Impl(const world::WorldStore& worldStore, const ShadowConfig& c, std::unique_ptr<gpu::ShadowMaps> m,
+         const culling::LightSpace& space, const std::vector<culling::Cascade>& lightCascades)
         : config(c),
+          store(worldStore),
           maps(std::move(m)),
-          space(lightSpace),
           cascades(lightCascades),
           scene(store, *maps, space, cascades,
                 {c.farDistance, c.occlusion, c.raysPerCluster, c.restSeconds, c.promotionsPerFrame, c.residentBytes,
-                 cacheConfig.depthRange, c.side, c.guardBand, c.sabotage == cache::Sabotage::kStickyCertificate}),
-          shadows(cascades, cacheConfig) {}
+                 c.side, c.guardBand, c.sabotage == cache::Sabotage::kStickyCertificate}),
+          motion(c.sunMotion, space.sun, c.method == Method::kGnomon),
+          sunNow(space.sun) {
+        suns.push_back(makeSun(space, 0, cache::Cause::kStart));
+    }
 
-    Result<uint64_t> compare(int cascade, gpu::MapKind cached, gpu::MapKind redrawn, VerifyReport& report);
-    std::vector<std::string> castersAt(int cascade, cache::Texel texel) const;
+    /// `place`: which of the two sets of maps it draws into.
+    std::unique_ptr<Sun> makeSun(const culling::LightSpace& space, size_t place, cache::Cause begin) const;
+    size_t placeOf(const Sun& sun) const { return sun.cache.config().firstMap / cascades.size(); }
+    /// All maps of all suns.
+    size_t mapCount() const { return cascades.size() * (config.movingSun ? 2 : 1); }
+    const Sun& shown() const { return *suns.front(); }
+
+    void moveSun(const FrameInput& input, FrameReport& report, SunMotion::Decision& decision);
+    void redirect(const culling::LightSpace& space);
+    bool nextComplete() const;
+    void planNext(const cache::Demand& demand, double share, std::vector<cache::CascadeStatistics>& statistics);
+    Result<uint64_t> compare(size_t side, int cascade, gpu::MapKind cached, gpu::MapKind redrawn, VerifyReport& report);
+    std::vector<std::string> castersAt(size_t side, int cascade, cache::Texel texel) const;
     cache::Limits limits() const;
-    std::vector<uint8_t> states(int cascade, gpu::MapKind map) const;
+    std::vector<uint8_t> states(const Sun& sun, int cascade, gpu::MapKind map) const;
+    int slot(const Sun& sun, int cascade) const { return int(sun.cache.config().firstMap) + cascade; }
     /// After a frame that was not drawn: what the maps hold is anybody's guess.
     Error lost(const Error& error) {
-        shadows.forget();
+        for (auto& sun : suns) sun->cache.forget();
+        scene.settle();
         return error;
     }
 
     ShadowConfig config;
+    const world::WorldStore& store;
     std::unique_ptr<gpu::ShadowMaps> maps;
-    culling::LightSpace space;
     std::vector<culling::Cascade> cascades;
     ResidentScene scene;
-    cache::ShadowCache shadows;
+    std::vector<std::unique_ptr<Sun>> suns;  ///< as the scene's sides: the one shown and, filling, the next
+    SunMotion motion;
+    glm::dvec3 sunNow;
     cache::FramePlan plan, redraw;
     uint64_t frame = 0;
     uint64_t uploadedBefore = 0;
@@ -101,19 +126,30 @@ Result<std::unique_ptr<ShadowSystem>> ShadowSystem::create(gpu::Device& device, 
     if (store.chunks().empty() || store.header().bounds.empty())
         return Error{ErrorCode::kBadData, store.path() + ": nothing in it casts a shadow; bake a source that has casters"};
 
+    const SunMotionConfig& motion = filled.sunMotion;
+    if (!(motion.step > 0 && motion.step <= kLargestSunStep && motion.blendSeconds >= 0 &&
+          std::isfinite(motion.blendSeconds)))
+        return Error{ErrorCode::kUsage, "sun: give steps above 0 and up to 0.2 radians, and a blend of 0 seconds or more"};
+
+    const int count = filled.cascades * (filled.movingSun ? 2 : 1);
+    auto maps = gpu::ShadowMaps::create(device, {count, filled.side, filled.geometryBytes});
+    if (!maps) return maps.error();
+    return std::unique_ptr<ShadowSystem>(new ShadowSystem(
+        std::make_unique<Impl>(store, filled, std::move(maps.value()), space.value(), cascades.value())));
+}
+
+std::unique_ptr<Sun> ShadowSystem::Impl::makeSun(const culling::LightSpace& space, size_t place,
+                                                 cache::Cause begin) const {
     // Depth is anchored to the world, not the camera: a texel's depth never has to change.
-    const world::Box extent = space.value().toLight(store.header().bounds);
+    const world::Box extent = space.toLight(store.header().bounds);
     cache::CacheConfig cacheConfig;
-    cacheConfig.side = filled.side;
-    cacheConfig.guardBand = filled.guardBand;
+    cacheConfig.side = config.side;
+    cacheConfig.guardBand = config.guardBand;
     cacheConfig.depthNear = extent.min.z;
     cacheConfig.depthRange = std::max(1.0, extent.max.z - extent.min.z);
-    cacheConfig.sabotage = filled.sabotage;
-
-    auto maps = gpu::ShadowMaps::create(device, {filled.cascades, filled.side, filled.geometryBytes});
-    if (!maps) return maps.error();
-    return std::unique_ptr<ShadowSystem>(new ShadowSystem(std::make_unique<Impl>(
-        store, filled, std::move(maps.value()), space.value(), cascades.value(), cacheConfig)));
+    cacheConfig.firstMap = place * cascades.size();
+    cacheConfig.sabotage = config.sabotage;
+    return std::make_unique<Sun>(Sun{space, cache::ShadowCache(cascades, cacheConfig), begin});
 }
 
 Result<ObjectId> ShadowSystem::adopt(const std::string& name) { return impl_->scene.adopt(name); }
@@ -147,9 +183,10 @@ Result<FrameReport> ShadowSystem::advance(const FrameInput& input) {
     FrameReport report;
     report.frame = s.frame++;
     report.time = input.time;
-    const glm::dvec3 eye = s.space.toLight(p);
+    SunMotion::Decision decision;
+    s.moveSun(input, report, decision);
 
-    auto changed = s.scene.advance(input.time, eye, input.objects);
+    auto changed = s.scene.advance(input.time, p, input.objects);
     if (!changed) return s.lost(changed.error());
     SceneChanges& changes = changed.value();
     report.chunkArrivals = changes.chunkArrivals;
@@ -158,23 +195,33 @@ Result<FrameReport> ShadowSystem::advance(const FrameInput& input) {
     report.rays = changes.certify.rays;
     report.certificates = changes.certify.certificates;
     report.revocations = changes.revocations;
-    report.errors = std::move(changes.errors);
+    report.errors.insert(report.errors.end(), changes.errors.begin(), changes.errors.end());
     report.cpu.streamMs = changes.streamMs;
     report.cpu.setsMs = changes.setsMs;
     report.cpu.occlusionMs = changes.occlusionMs;
 
     const auto planning = std::chrono::steady_clock::now();
     const bool cached = s.config.method == Method::kGnomon;
-    if (!cached) s.shadows.forget();
-    cache::Demand demand{glm::dvec2(eye), 0, {}};
+    Sun& shown = *s.suns.front();
+    if (!cached) shown.cache.forget();
+    cache::Demand demand{glm::dvec2(shown.space.toLight(p)), shown.begin, 0, {}};
     if (cached) {
-        demand.limits = s.limits();
+        if (!s.motion.report().redrawn) demand.limits = s.limits();
         demand.asleep = s.scene.unseen({p, camera.orientation, camera.verticalFov, camera.aspect},
                                        demand.limits.limited());
     }
     report.limits = demand.limits;
-    s.shadows.plan(s.scene.view(cached), {changes.departures, changes.arrivals, changes.activeDirt}, demand, s.plan,
-                   report.cascades);
+    s.plan.reset(s.mapCount());
+    shown.cache.plan(s.scene.view(0, cached), s.scene.events(0), demand, s.plan, report.cascades);
+    if (s.suns.size() == 2) {
+        demand.eye = glm::dvec2(s.suns[1]->space.toLight(p));
+        s.planNext(demand, decision.share, report.cascades);
+    }
+    for (auto& sun : s.suns) sun->begin = cache::Cause::kStart;
+    s.scene.settle();
+    report.sun = s.motion.report();
+    for (size_t c = 0; c < s.cascades.size(); ++c)
+        report.cascades[c].sunError = std::tan(report.sun.lag) * cache::kSunHeight / s.cascades[c].texel;
     s.planned = true;
     report.cpu.planMs = msSince(planning);
     report.planHash = s.plan.hash();
@@ -192,6 +239,78 @@ Result<FrameReport> ShadowSystem::advance(const FrameInput& input) {
     return report;
 }
 
+/// Shows the next sun if it is ready, and makes room for the one that the frame asks for.
+void ShadowSystem::Impl::moveSun(const FrameInput& input, FrameReport& report, SunMotion::Decision& decision) {
+    if (suns.size() == 2 && motion.showNext(input.time, nextComplete())) {
+        scene.showNext();
+        suns.erase(suns.begin());
+    }
+    if (!config.movingSun) {
+        if (input.sun != glm::dvec3(0))
+            report.errors.push_back({ErrorCode::kUsage, "sun: it stands still; make the system with a moving sun"});
+        return;
+    }
+    if (input.sun != glm::dvec3(0)) {
+        if (const auto space = culling::makeLightSpace(input.sun)) sunNow = space.value().sun;
+        else report.errors.push_back(space.error());  // and the sun stays where it was
+    }
+    decision = motion.decide(input.time, sunNow);
+    if (decision.dropNext) {
+        scene.dropNext();
+        suns.pop_back();
+    }
+    if (decision.action == SunMotion::Action::kNone) return;
+    const culling::LightSpace space = culling::makeLightSpace(decision.direction).value();
+    if (decision.action == SunMotion::Action::kRedraw) {
+        redirect(space);
+    } else {
+        scene.openNext(space);
+        const bool mixed = config.sabotage == cache::Sabotage::kMixedSuns;
+        suns.push_back(makeSun(space, placeOf(shown()) ^ (mixed ? 0 : 1), cache::Cause::kSun));
+    }
+}
+
+/// The shown maps start anew in another direction.
+void ShadowSystem::Impl::redirect(const culling::LightSpace& space) {
+    scene.openNext(space);
+    scene.showNext();
+    suns.front() = makeSun(space, placeOf(shown()), cache::Cause::kSun);
+}
+
+bool ShadowSystem::Impl::nextComplete() const {
+    for (size_t c = 0; c < cascades.size(); ++c)
+        if (!suns[1]->cache.drawn(int(c)) || !suns[1]->cache.owed(int(c)).empty()) return false;
+    return true;
+}
+
+/// Fills the next sun's maps with a share of all texels, within what the shown ones left of the limits. All
+/// of it has one cause: the sun.
+void ShadowSystem::Impl::planNext(const cache::Demand& demand, double share,
+                                  std::vector<cache::CascadeStatistics>& statistics) {
+    cache::Demand next = demand;
+    next.begin = suns[1]->begin;
+    next.asleep = 0;  // it must be whole before it is shown
+    cache::Cost spent;
+    for (const cache::CascadeStatistics& s : statistics) spent += s.total;
+    const auto left = [](uint64_t limit, uint64_t used) {
+        return limit == cache::Limits::kNone ? limit : limit - std::min(limit, used);
+    };
+    const double texels = double(cascades.size()) * config.side * config.side;
+    next.limits.triangles = left(demand.limits.triangles, spent.triangles);
+    next.limits.texels = left(demand.limits.texels, spent.texels);
+    // Once it is complete it keeps up like the shown one.
+    if (!nextComplete())
+        next.limits.texels = std::min(next.limits.texels, std::max<uint64_t>(1, uint64_t(std::ceil(share * texels))));
+    std::vector<cache::CascadeStatistics> more;
+    suns[1]->cache.plan(scene.view(1, true), scene.events(1), next, plan, more);
+    for (size_t c = 0; c < cascades.size(); ++c) {
+        statistics[c].byCause[size_t(cache::Cause::kSun)] += more[c].total;
+        statistics[c].total += more[c].total;
+        statistics[c].active += more[c].active;
+        statistics[c].clustersFound += more[c].clustersFound;
+    }
+}
+
 cache::Limits ShadowSystem::Impl::limits() const {
     cache::Limits limits{config.budget.texels, config.budget.triangles};
     if (config.budget.ms > 0)
@@ -202,7 +321,8 @@ cache::Limits ShadowSystem::Impl::limits() const {
 RedrawCosts ShadowSystem::redrawCosts() const {
     CHECK(impl_->planned);
     std::vector<cache::CascadeStatistics> statistics;
-    impl_->shadows.planRedraw(impl_->scene.view(false), impl_->redraw, statistics);
+    impl_->redraw.reset(impl_->mapCount());
+    impl_->shown().cache.planRedraw(impl_->scene.view(0, false), impl_->redraw, statistics);
     RedrawCosts costs;
     for (const cache::CascadeStatistics& s : statistics) costs.push_back(s.total);
     return costs;
@@ -212,25 +332,30 @@ Result<VerifyReport> ShadowSystem::verify() {
     Impl& s = *impl_;
     CHECK(s.planned);
     std::vector<cache::CascadeStatistics> statistics;
-    s.shadows.planRedraw(s.scene.view(false), s.redraw, statistics);
+    s.redraw.reset(s.mapCount());
+    for (size_t side = 0; side < s.suns.size(); ++side)
+        s.suns[side]->cache.planRedraw(s.scene.view(side, false), s.redraw, statistics);
     auto times = s.maps->redraw(s.redraw);
     if (!times) return times.error();
     s.uploadedBefore = s.maps->uploadedBytes();
     VerifyReport report;
     report.redraw = std::move(times.value());
-    for (int c = 0; c < cascades(); ++c) {
-        if (!s.shadows.drawn(c)) continue;
-        auto cache = s.compare(c, gpu::MapKind::kCache, gpu::MapKind::kScratchCache, report);
-        if (!cache) return cache.error();
-        auto working = s.compare(c, gpu::MapKind::kWorking, gpu::MapKind::kScratchWorking, report);
-        if (!working) return working.error();
-        report.differing += cache.value() + working.value();
+    for (size_t side = 0; side < s.suns.size(); ++side) {
+        for (int c = 0; c < cascades(); ++c) {
+            if (!s.suns[side]->cache.drawn(c)) continue;
+            auto cache = s.compare(side, c, gpu::MapKind::kCache, gpu::MapKind::kScratchCache, report);
+            if (!cache) return cache.error();
+            auto working = s.compare(side, c, gpu::MapKind::kWorking, gpu::MapKind::kScratchWorking, report);
+            if (!working) return working.error();
+            report.differing += cache.value() + working.value();
+        }
     }
     return report;
 }
 
 /// Per stored texel of a map.
-std::vector<uint8_t> ShadowSystem::Impl::states(int cascade, gpu::MapKind map) const {
+std::vector<uint8_t> ShadowSystem::Impl::states(const Sun& sun, int cascade, gpu::MapKind map) const {
+    const cache::ShadowCache& shadows = sun.cache;
     const cache::Lattice& lattice = shadows.lattice(cascade);
     std::vector<uint8_t> states(size_t(lattice.side * lattice.side), kValid);
     const auto paint = [&](const cache::TexelRect& rect, State state) {
@@ -247,17 +372,18 @@ std::vector<uint8_t> ShadowSystem::Impl::states(int cascade, gpu::MapKind map) c
     return states;
 }
 
-Result<uint64_t> ShadowSystem::Impl::compare(int cascade, gpu::MapKind cached, gpu::MapKind redrawn,
+Result<uint64_t> ShadowSystem::Impl::compare(size_t side, int cascade, gpu::MapKind cached, gpu::MapKind redrawn,
                                              VerifyReport& report) {
-    auto a = maps->read(cascade, cached);
+    const Sun& sun = *suns[side];
+    auto a = maps->read(slot(sun, cascade), cached);
     if (!a) return a.error();
-    auto b = maps->read(cascade, redrawn);
+    auto b = maps->read(slot(sun, cascade), redrawn);
     if (!b) return b.error();
     const std::vector<float>&held = a.value(), &truth = b.value();
-    const std::vector<uint8_t> state = states(cascade, cached);
+    const std::vector<uint8_t> state = states(sun, cascade, cached);
     uint64_t differing = 0;
-    const cache::Lattice& lattice = shadows.lattice(cascade);
-    const cache::Texel low = shadows.window(cascade).min;
+    const cache::Lattice& lattice = sun.cache.lattice(cascade);
+    const cache::Texel low = sun.cache.window(cascade).min;
     for (size_t i = 0; i < held.size(); ++i) {
         if (state[i] == kStaleTexel) {
             ++report.stale;
@@ -269,57 +395,61 @@ Result<uint64_t> ShadowSystem::Impl::compare(int cascade, gpu::MapKind cached, g
         ++differing;
         if (report.first.size() == kReported) continue;
         const auto at = static_cast<int64_t>(i);
-        const cache::Texel slot(at % lattice.side, at / lattice.side);
-        const cache::Texel texel = low + lattice.slot(slot - low);
-        report.first.push_back({cascade, cached, texel, held[i], right, castersAt(cascade, texel)});
+        const cache::Texel stored(at % lattice.side, at / lattice.side);
+        const cache::Texel texel = low + lattice.slot(stored - low);
+        report.first.push_back({cascade, cached, texel, held[i], right, castersAt(side, cascade, texel)});
     }
     return differing;
 }
 
-std::vector<std::string> ShadowSystem::Impl::castersAt(int cascade, cache::Texel texel) const {
-    const double t = shadows.lattice(cascade).texel;
+std::vector<std::string> ShadowSystem::Impl::castersAt(size_t side, int cascade, cache::Texel texel) const {
+    const double t = suns[side]->cache.lattice(cascade).texel;
     const glm::dvec2 min = (glm::dvec2(texel) - 1.0) * t, max = (glm::dvec2(texel) + 2.0) * t;
     std::vector<std::string> names;
     const world::CasterTable& table = scene.casters();
     for (world::CasterId id = 0; id < table.slots() && names.size() < kReported; ++id) {
         if (table[id].state == world::CasterState::kFree) continue;
-        const world::Box& b = scene.light()[id].bounds;
+        const world::Box& b = scene.light(side)[id].bounds;
         if (b.min.x <= max.x && b.max.x >= min.x && b.min.y <= max.y && b.max.y >= min.y)
             names.push_back(table.describe(id));
     }
     return names;
 }
 
-CascadeView ShadowSystem::view(int cascade) const {
+CascadeView ShadowSystem::view(int cascade, SunMaps which) const {
     const Impl& s = *impl_;
+    CHECK(size_t(which) < s.suns.size());
+    const Sun& sun = *s.suns[size_t(which)];
     const culling::Cascade& c = s.cascades[size_t(cascade)];
-    const cache::CacheConfig& config = s.shadows.config();
+    const cache::CacheConfig& config = sun.cache.config();
     // Stored depths of casters begin at kNearestDepth.
     const double range = config.depthRange / (1.0 - cache::kNearestDepth);
-    return {c.texel, c.split, s.shadows.window(cascade).min, config.depthNear - cache::kNearestDepth * range, range,
-            s.shadows.drawn(cascade), s.space.lightFromWorld};
+    return {c.texel, c.split, sun.cache.window(cascade).min, config.depthNear - cache::kNearestDepth * range, range,
+            sun.cache.drawn(cascade), sun.space.lightFromWorld};
 }
 
 int ShadowSystem::cascades() const { return static_cast<int>(impl_->cascades.size()); }
 const ShadowConfig& ShadowSystem::config() const { return impl_->config; }
 
-Result<std::vector<float>> ShadowSystem::readMap(int cascade, gpu::MapKind kind) {
-    return impl_->maps->read(cascade, kind);
+Result<std::vector<float>> ShadowSystem::readMap(int cascade, gpu::MapKind kind, SunMaps which) {
+    CHECK(size_t(which) < impl_->suns.size());
+    return impl_->maps->read(impl_->slot(*impl_->suns[size_t(which)], cascade), kind);
 }
 
 Result<std::vector<PointAnswer>> ShadowSystem::lookup(std::span<const glm::dvec3> points, const LookupBias& bias) {
     Impl& s = *impl_;
     std::vector<PointAnswer> answers(points.size());
+    const Sun& sun = s.shown();
     for (int c = 0; c < cascades(); ++c) {
-        if (!s.shadows.drawn(c)) continue;
-        const cache::Lattice& lattice = s.shadows.lattice(c);
-        const cache::TexelRect window = s.shadows.window(c);
+        if (!sun.cache.drawn(c)) continue;
+        const cache::Lattice& lattice = sun.cache.lattice(c);
+        const cache::TexelRect window = sun.cache.window(c);
         const CascadeView map = view(c);
         std::vector<float> depths;  // read only if a point asks for it
         std::vector<uint8_t> states;
         for (size_t i = 0; i < points.size(); ++i) {
             if (answers[i].cascade >= 0) continue;
-            const glm::dvec3 p = s.space.toLight(points[i]);
+            const glm::dvec3 p = sun.space.toLight(points[i]);
             if (!(glm::length(p) <= kFarthestPoint)) continue;
             const cache::Texel texel = lattice.texelAt(glm::dvec2(p));
             if (!window.contains({texel, texel + int64_t(1)})) continue;
@@ -327,7 +457,7 @@ Result<std::vector<PointAnswer>> ShadowSystem::lookup(std::span<const glm::dvec3
                 auto read = readMap(c, gpu::MapKind::kWorking);
                 if (!read) return read.error();
                 depths = std::move(read.value());
-                states = s.states(c, gpu::MapKind::kWorking);
+                states = s.states(sun, c, gpu::MapKind::kWorking);
             }
             const cache::Texel slot = lattice.slot(texel);
             const auto at = size_t(slot.y * lattice.side + slot.x);
@@ -348,7 +478,7 @@ Result<uint64_t> ShadowSystem::mapHash(int cascade, gpu::MapKind kind) {
 
 std::span<const cache::StoreRect> ShadowSystem::clearedRects(int cascade) const {
     CHECK(impl_->planned);
-    return impl_->plan.cascades[size_t(cascade)].clears;
+    return impl_->plan.cascades[size_t(impl_->slot(impl_->shown(), cascade))].clears;
 }
 
 }  // namespace server

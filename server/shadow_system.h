@@ -15,6 +15,7 @@
 #include "gpu/shadow_maps.h"
 #include "server/lookup.h"
 #include "server/resident_scene.h"
+#include "server/sun_motion.h"
 #include "world/mesh.h"
 #include "world/result.h"
 #include "world/store.h"
@@ -40,6 +41,8 @@ struct ShadowConfig {
     double splitRatio = 3;     ///< each split is this many times the one before, > 1
     int guardBand = 1;         ///< windows move in steps of this many texels, 1 to side / 4
     glm::dvec3 sun{0};         ///< direction of light travel; zero: the world's own
+    bool movingSun = false;    ///< frames may turn it: doubles the memory of the maps
+    SunMotionConfig sunMotion;
     Method method = Method::kGnomon;
     bool occlusion = true;     ///< certificates, texel-exact
     uint32_t raysPerCluster = 4096;  ///< above this a cluster is simply drawn
@@ -64,6 +67,9 @@ struct FrameInput {
     double time = 0;  ///< [s], ascending
     Camera camera;
     std::span<const ObjectUpdate> objects;  ///< those that moved; the rest stay where they are
+    /// Direction of light travel; zero: as before. Needs ShadowConfig::movingSun. A sun that light spaces
+    /// refuse is an error of the report, and the last one stays.
+    glm::dvec3 sun{0};
 };
 
 /// CPU time of a frame by stage [ms]. Not deterministic.
@@ -87,6 +93,7 @@ struct FrameReport {
     uint64_t revocations = 0;    ///< certificates that fell with an occluder
     uint64_t planHash = 0;
     cache::Limits limits;        ///< that the frame had to keep
+    SunReport sun;
     StageTimes cpu;
     gpu::GpuTimes gpu;
     std::vector<world::Error> errors;  ///< per item; the frame went on without it
@@ -120,6 +127,12 @@ struct CascadeView {
     double depthNear = 0, depthRange = 0;  ///< z of a caster [m] = depthNear + stored depth * depthRange
     bool drawn = false;  ///< false: the maps hold nothing yet, the cascade has slept from the start
     glm::dmat3 lightFromWorld{1};
+};
+
+/// Which maps, while the sun steps.
+enum class SunMaps : uint8_t {
+    kShown,
+    kNext,  ///< being filled or blended in; only while SunReport::next is not zero
 };
 
 /// Streams a world, keeps its shadow maps and accounts for every redrawn texel.
@@ -158,14 +171,14 @@ public:
     /// Draws every cascade's static and working map from scratch and compares each texel.
     world::Result<VerifyReport> verify();
 
-    CascadeView view(int cascade) const;
+    CascadeView view(int cascade, SunMaps which = SunMaps::kShown) const;
     int cascades() const;
     const ShadowConfig& config() const;  ///< with the sun filled in
-    /// Answers for world points [m] from the working maps as they are, the nearest cascade that holds and
+    /// Answers for world points [m] from the shown sun's working maps as they are, the nearest cascade that holds and
     /// knows a point first. Reads whole maps back: for batches.
     world::Result<std::vector<PointAnswer>> lookup(std::span<const glm::dvec3> points, const LookupBias& bias = {});
     /// A map's depths, row by row in stored order.
-    world::Result<std::vector<float>> readMap(int cascade, gpu::MapKind kind);
+    world::Result<std::vector<float>> readMap(int cascade, gpu::MapKind kind, SunMaps which = SunMaps::kShown);
     /// Hash of a map's bits.
     world::Result<uint64_t> mapHash(int cascade, gpu::MapKind kind);
     /// Regions of the last frame's plan that were cleared (redrawn from nothing), stored order.

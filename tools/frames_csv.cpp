@@ -96,6 +96,10 @@ void addDebts(Columns& columns) {
     const auto limit = [](uint64_t value, std::string& out) {
         if (value != cache::Limits::kNone) append(out, value);
     };
+    columns.cascade("sun_error", [](const CascadeStatistics& s) { return s.sunError; });
+    columns.frame("frame_sun_lag", [](const ReplayFrame& f) { return f.report.sun.lag; });
+    columns.frame("frame_sun_weight", [](const ReplayFrame& f) { return f.report.sun.weight; });
+    columns.frame("frame_sun_redrawn", [](const ReplayFrame& f) { return int(f.report.sun.redrawn); });
     columns.list.push_back({"frame_limit_texels", [limit](const ReplayFrame& f, size_t, std::string& out) {
                                 limit(f.report.limits.texels, out);
                             }});

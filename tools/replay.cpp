@@ -3,8 +3,10 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <glm/gtc/constants.hpp>
 #include <utility>
 
+#include "culling/light_space.h"
 #include "tools/dump.h"
 
 namespace tools {
@@ -50,6 +52,10 @@ world::Result<ReplayFrame> step(server::ShadowSystem& system, const ReplayInput&
     server::FrameInput frameInput;
     frameInput.time = pose.time;
     frameInput.camera = {pose.position, pose.orientation, input.verticalFov, kAspect};
+    if (input.daySeconds > 0) {
+        const double share = (pose.time - input.poses.front().time) / input.daySeconds;
+        frameInput.sun = sunOfDay(std::min(share, 1.0));
+    }
     if (movers) frameInput.objects = movers->at(pose.time);
     const auto start = std::chrono::steady_clock::now();
     auto report = system.advance(frameInput);
@@ -77,6 +83,11 @@ world::Result<ReplayFrame> step(server::ShadowSystem& system, const ReplayInput&
 }
 
 }  // namespace
+
+glm::dvec3 sunOfDay(double share) {
+    const double height = 5 + 55 * std::sin(glm::pi<double>() * share);
+    return culling::sunFromAngles(glm::radians(90 + 180 * share), glm::radians(height));
+}
 
 gpu::CascadeTimes timesOf(const gpu::GpuTimes& times, size_t cascade) {
     return cascade < times.cascades.size() ? times.cascades[cascade] : gpu::CascadeTimes{};

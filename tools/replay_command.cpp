@@ -38,7 +38,9 @@ struct ReplayOptions {
     std::string sun, frames, verify;  ///< as typed; empty: not given
     std::string method = "gnomon", occlusion = "exact";
     double fps = 0;   ///< 0: the path's own times
+    double day = 0;   ///< [s]; 0: the sun stands still
     double fov = 0;   ///< vertical [degrees]; 0: not known
+    double sunStep = 0.5;  ///< [degrees]
     uint64_t budgetTexels = 0, budgetTriangles = 0;  ///< 0: none
     int threads = 0;  ///< 0: all
     server::ShadowConfig shadow;
@@ -57,8 +59,14 @@ Result<server::ShadowConfig> shadowConfig(const ReplayOptions& options) {
         if (!sun) return sun.error();
         config.sun = sun.value();
     }
+    if (options.day > 0) {
+        if (!options.sun.empty()) return usage("--day moves the sun from a place of its own; leave out --sun");
+        config.movingSun = true;
+        config.sun = sunOfDay(0);
+    }
     config.method = options.method == "redraw" ? server::Method::kRedraw : server::Method::kGnomon;
     config.occlusion = options.occlusion == "exact";
+    config.sunMotion.step = glm::radians(options.sunStep);
     if (options.budgetTexels > 0) config.budget.texels = options.budgetTexels;
     if (options.budgetTriangles > 0) config.budget.triangles = options.budgetTriangles;
     config.geometryBytes = options.gpuBudget << 20;
@@ -102,6 +110,7 @@ Result<Done> openInput(const ReplayOptions& options, double farDistance, Run& ru
     run.input.poses = std::move(poses.value());
     run.input.firstNumber = range ? range->begin : 0;
     run.input.verifyEvery = samplingStep(run.input.poses.size());
+    run.input.daySeconds = options.day;
     run.input.verticalFov = glm::radians(options.fov);
     if (!options.verify.empty()) {
         const auto every = parseCount("--verify", options.verify);
@@ -234,6 +243,10 @@ Result<int> runReplay(const ReplayOptions& options) {
 void addSystemOptions(CLI::App& parser, ReplayOptions& options) {
     parser.add_option("--sun", options.sun,
                       "AZIMUTH,ELEVATION of the sun [degrees]; the world's own by default");
+    parser.add_option("--day", options.day, "the sun runs from morning to evening in so many seconds")
+        ->check(CLI::Range(1.0, 1e6));
+    parser.add_option("--sun-step", options.sunStep, "angle between the sun's directions [degrees]")
+        ->check(CLI::Range(0.01, 10.0));
     parser.add_option("--method", options.method, "gnomon, or redraw: everything drawn whole in each frame")
         ->check(CLI::IsMember({"gnomon", "redraw"}));
     parser.add_option("--cascades", options.shadow.cascades, "cascades, 1 to 8");

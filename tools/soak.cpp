@@ -7,6 +7,7 @@
 #include <fstream>
 #include <random>
 
+#include "culling/light_space.h"
 #include "world/hash.h"
 
 namespace tools {
@@ -48,6 +49,7 @@ public:
         input.time = static_cast<double>(frame_++) / kFps;
         input.camera = {eye_, orientation_, fov_, 1.6};
         input.objects = updates_;
+        if (system_.config().movingSun) input.sun = moveSun();
         auto advanced = system_.advance(input);
         if (!advanced) return advanced.error();
         if (!advanced.value().errors.empty()) return advanced.value().errors.front();
@@ -83,6 +85,10 @@ private:
             eye_ = from + glm::dvec3(uniform(-stride.x, stride.x), 0, uniform(-stride.y, stride.y));
             eye_ = glm::clamp(eye_, home_ - glm::dvec3(reach_.x, 0, reach_.y), home_ + glm::dvec3(reach_.x, 0, reach_.y));
         }
+        // Mostly at rest or slow; now and then too fast, and sometimes at once somewhere else.
+        const double speeds[] = {0, 0, 0.0002, 0.002, 0.02};
+        sunSpeed_ = speeds[rng_() % 5];
+        if (chance(0.03)) sunAzimuth_ += uniform(0, 6);
         server::Budget budget;
         if (chance(0.3)) {
             const auto side = static_cast<uint64_t>(system_.config().side);
@@ -91,6 +97,12 @@ private:
         }
         limited_ = budget.texels != cache::Limits::kNone;
         CHECK(system_.setBudget(budget));
+    }
+
+    glm::dvec3 moveSun() {
+        sunAzimuth_ += sunSpeed_;
+        sunHeight_ = std::clamp(sunHeight_ + sunSpeed_ * 0.3, 0.2, 1.4);
+        return culling::sunFromAngles(sunAzimuth_, sunHeight_);
     }
 
     void moveCamera() {
@@ -155,6 +167,7 @@ private:
     uint64_t frame_ = 0, left_ = 0;
     Motion motion_ = Motion::kStand;
     double heading_ = 0, pitch_ = 0, fov_ = 0;
+    double sunAzimuth_ = 1, sunHeight_ = 0.9, sunSpeed_ = 0;  ///< [rad], [rad] a frame
     glm::dquat orientation_{1, 0, 0, 0};
     bool limited_ = false;
 };
@@ -164,6 +177,7 @@ void count(const server::FrameReport& frame, SoakReport& report) {
     report.chunkArrivals += frame.chunkArrivals;
     report.chunkDepartures += frame.chunkDepartures;
     report.planHash = world::hashValues(std::span(&frame.planHash, 1), report.planHash);
+    report.sunRedraws += frame.sun.redrawn;
     for (const cache::CascadeStatistics& c : frame.cascades) {
         report.sleepers += c.asleep;
         report.unknownTexels += c.unknownTexels;
@@ -177,6 +191,7 @@ world::Result<SoakReport> soak(server::ShadowSystem& system, const world::WorldS
     CHECK(config.verifyEvery > 0);
     Life life(system, store, config);
     SoakReport report;
+    glm::dvec3 shown{0};
     const auto atFrame = [&](const world::Error& error) {
         return world::Error{error.code, "frame " + std::to_string(report.frames) + ": " + error.what, error.native};
     };
@@ -184,6 +199,8 @@ world::Result<SoakReport> soak(server::ShadowSystem& system, const world::WorldS
         auto frame = life.step(report);
         if (!frame) return atFrame(frame.error());
         count(frame.value(), report);
+        report.sunSteps += frame.value().sun.shown != shown && report.frames > 1;
+        shown = frame.value().sun.shown;
         report.limitedFrames += life.limited();
         if (report.frames % config.verifyEvery == 0) {
             auto verified = system.verify();

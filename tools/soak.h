@@ -23,6 +23,7 @@ struct SoakReport {
     uint64_t texels = 0, stale = 0, differing = 0;  ///< compared, left out as owed, different
     uint64_t spawns = 0, removals = 0, moves = 0, jumps = 0;
     uint64_t chunkArrivals = 0, chunkDepartures = 0;
+    uint64_t sunSteps = 0, sunRedraws = 0;  ///< of a moving sun
     uint64_t limitedFrames = 0, sleepers = 0;  ///< frames with a budget; cascades asleep, over all frames
     uint64_t unknownTexels = 0;   ///< summed over all frames
     uint64_t planHash = 0;        ///< chained over the frames

@@ -24,6 +24,7 @@ void print(const SoakReport& r) {
     std::printf("frames     %llu; %llu spawns, %llu removals, %llu moves, %llu jumps\n", n(r.frames), n(r.spawns),
                 n(r.removals), n(r.moves), n(r.jumps));
     std::printf("chunks     %llu arrivals, %llu departures\n", n(r.chunkArrivals), n(r.chunkDepartures));
+    std::printf("sun        %llu steps, %llu of them redrawn whole\n", n(r.sunSteps), n(r.sunRedraws));
     std::printf("owed       %llu frames with a budget, %llu unknown texels summed, %llu sleeping cascades\n",
                 n(r.limitedFrames), n(r.unknownTexels), n(r.sleepers));
     std::printf("verified   %llu frames, %llu texels compared, %llu left out as stale, %llu differ\n", n(r.verified),
@@ -68,6 +69,7 @@ Command addSoakCommand(CLI::App& app) {
     options->shadow.side = 256;
     options->shadow.farDistance = 120;
     options->shadow.restSeconds = 1;
+    options->shadow.movingSun = true;
     CLI::App* parser = app.add_subcommand("soak", "Live long on a small world, seeded, and compare maps on the way");
     parser->add_option("world", options->world, "world file")->required();
     parser->add_option("--frames", options->soak.frames, "frames to live");

@@ -154,6 +154,10 @@ void Summary::add(const ReplayFrame& frame) {
     certificates += report.certificates;
     revocations += report.revocations;
     errors += report.errors.size();
+    if (report.sun.shown != lastSun && frames > 1) ++sunSteps;
+    lastSun = report.sun.shown;
+    sunRedraws += report.sun.redrawn ? 1 : 0;
+    mostSunLag = std::max(mostSunLag, report.sun.lag);
     planHash = world::hashValues(std::span(&report.planHash, 1), planHash);
     if (!frame.hashes.empty()) lastHashes = frame.hashes;
     frameMs.push_back(frame.advanceMs);
@@ -212,6 +216,10 @@ std::string toJson(const ReplayHead& head, const Summary& summary) {
         {"bytes_read", summary.bytesRead},
         {"bytes_uploaded", summary.bytesUploaded},
         {"errors", summary.errors},
+        {"sun",
+         {{"steps", summary.sunSteps},
+          {"redraws", summary.sunRedraws},
+          {"most_lag_rad", summary.mostSunLag}}},
         {"verified",
          {{"frames", summary.verifiedFrames},
           {"texels", summary.verifiedTexels},

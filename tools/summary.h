@@ -49,6 +49,9 @@ struct Summary {
     uint64_t chunkArrivals = 0, chunkDepartures = 0, arrivalFrames = 0;
     uint64_t bytesRead = 0, bytesUploaded = 0, rays = 0, certificates = 0, revocations = 0, errors = 0;
     uint64_t verifiedFrames = 0, verifiedTexels = 0, skippedTexels = 0, differingTexels = 0;
+    uint64_t sunSteps = 0, sunRedraws = 0;  ///< directions shown one after the other; of these, redrawn whole
+    double mostSunLag = 0;                  ///< [rad]
+    glm::dvec3 lastSun{0};                  ///< shown
     uint64_t planHash = 0;  ///< chained over the frames
     std::vector<MapHashes> lastHashes;
     std::vector<double> frameMs;  ///< wall time of each advance

@@ -169,6 +169,12 @@ std::string toText(const ReplayHead& head, const Summary& sum) {
     out += '\n';
     printOcclusion(out, head, sum);
     printDebts(out, sum);
+    if (head.config.movingSun) {
+        print(out, "Sun        %s steps, %s of them redrawn whole; at most %.3f degrees behind:", count(sum.sunSteps).c_str(),
+              count(sum.sunRedraws).c_str(), glm::degrees(sum.mostSunLag));
+        for (const double texel : head.texels) print(out, " %.1f", std::tan(sum.mostSunLag) * cache::kSunHeight / texel);
+        print(out, " texels at %.0f m above the receiver\n", cache::kSunHeight);
+    }
     print(out, "Streaming  %s chunk arrivals in %s frames, %s departures; %s read, %s uploaded; %s errors\n",
           count(sum.chunkArrivals).c_str(), count(sum.arrivalFrames).c_str(),
           count(sum.chunkDepartures).c_str(), bytes(sum.bytesRead).c_str(), bytes(sum.bytesUploaded).c_str(),

@@ -25,7 +25,7 @@ public:
           origin_(origin),
           cascades_{{3.0, 0.15}, {10.0, 0.5}},
           scene_(glm::dvec3(0.4, -1, 0.3), cascades_),
-          cache_(cascades_, {kSide, guard, depth(origin) - 200, 400, sabotage}),
+          cache_(cascades_, {kSide, guard, depth(origin) - 200, 400, 0, sabotage}),
           held_(scene_, 2, kSide),
           eye_(origin) {
         for (glm::vec3 size : {glm::vec3(1, 1, 1), glm::vec3(0.2f, 4, 0.2f), glm::vec3(6, 0.5f, 1)})
@@ -80,8 +80,9 @@ public:
         if (frame % 23 == 22) eye_ = origin_ + glm::dvec3(uniform(-8, 8), 0, uniform(-8, 8));
 
         cache::FramePlan plan;
+        plan.reset(2);
         const glm::dvec2 eye(scene_.light.space().toLight(eye_));
-        cache_.plan(scene_.view(), {departures, arrivals, dirt}, {eye, asleep, limits}, plan, statistics_);
+        cache_.plan(scene_.view(), {departures, arrivals, dirt}, {eye, Cause::kStart, asleep, limits}, plan, statistics_);
         held_.execute(plan);
         for (const auto id : dead_) scene_.table.remove(id);
         dead_.clear();
@@ -90,14 +91,16 @@ public:
     /// A frame in which nothing happens.
     cache::FramePlan rest(const cache::Limits& limits = {}) {
         cache::FramePlan plan;
+        plan.reset(2);
         const glm::dvec2 eye(scene_.light.space().toLight(eye_));
-        cache_.plan(scene_.view(), {}, {eye, 0, limits}, plan, statistics_);
+        cache_.plan(scene_.view(), {}, {eye, Cause::kStart, 0, limits}, plan, statistics_);
         held_.execute(plan);
         return plan;
     }
     bool matches() const {
         SoftMaps truth(scene_, 2, kSide);
         cache::FramePlan plan;
+        plan.reset(2);
         std::vector<cache::CascadeStatistics> redrawn;
         cache_.planRedraw(scene_.view(), plan, redrawn);
         truth.execute(plan);
@@ -304,12 +307,14 @@ TEST(ShadowCache, DefectsAreSeen) {
 TEST(ShadowCache, AnEmptySceneIsDrawnOnceAsEmpty) {
     const std::vector<culling::Cascade> cascades{{3.0, 0.15}};
     ToyScene scene(glm::dvec3(0, -1, 0), cascades);
-    cache::ShadowCache cache(cascades, {kSide, 1, 0, 1, cache::Sabotage::kNone});
+    cache::ShadowCache cache(cascades, {kSide, 1, 0, 1, 0, cache::Sabotage::kNone});
     cache::FramePlan plan;
+    plan.reset(1);
     std::vector<cache::CascadeStatistics> statistics;
     cache.plan(scene.view(), {}, {}, plan, statistics);
     EXPECT_EQ(statistics[0].total.texels, uint64_t(kSide * kSide));
     EXPECT_EQ(statistics[0].total.triangles, 0u);
+    plan.reset(1);
     cache.plan(scene.view(), {}, {}, plan, statistics);
     EXPECT_TRUE(plan.idle());
 }

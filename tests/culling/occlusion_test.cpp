@@ -45,7 +45,7 @@ struct Layers {
         p.linear = x * z;
         return p;
     }
-    cache::ShadowCache makeCache() const { return {kCascades, {kSide, 1, depthNear, 100, cache::Sabotage::kNone}}; }
+    cache::ShadowCache makeCache() const { return {kCascades, {kSide, 1, depthNear, 100, 0, cache::Sabotage::kNone}}; }
 
     ToyScene scene;
     std::mt19937 rng;
@@ -59,8 +59,9 @@ struct Layers {
 std::vector<SoftMaps::Maps> drawn(const Layers& l, bool hide, uint64_t* hidden = nullptr) {
     cache::ShadowCache cache = l.makeCache();
     cache::FramePlan plan;
+    plan.reset(kCascades.size());
     std::vector<cache::CascadeStatistics> statistics;
-    cache.plan(l.scene.view(hide ? l.occlusion.get() : nullptr), {}, {l.eye, 0, {}}, plan, statistics);
+    cache.plan(l.scene.view(hide ? l.occlusion.get() : nullptr), {}, {.eye = l.eye}, plan, statistics);
     SoftMaps maps(l.scene, kCascades.size(), kSide);
     maps.execute(plan);
     if (hidden)
@@ -84,9 +85,10 @@ bool survivesDepartures(Layers& l, size_t& revocations) {
     l.certify();
     cache::ShadowCache cache = l.makeCache();
     cache::FramePlan plan;
+    plan.reset(kCascades.size());
     std::vector<cache::CascadeStatistics> statistics;
     SoftMaps maps(l.scene, kCascades.size(), kSide);
-    cache.plan(l.scene.view(l.occlusion.get()), {}, {l.eye, 0, {}}, plan, statistics);
+    cache.plan(l.scene.view(l.occlusion.get()), {}, {.eye = l.eye}, plan, statistics);
     maps.execute(plan);
     std::vector<world::CasterId> left = l.ids;
     while (left.size() > 1) {
@@ -96,7 +98,8 @@ bool survivesDepartures(Layers& l, size_t& revocations) {
         revocations += l.occlusion->remove(std::span(&id, 1));
         const std::vector<cache::Departure> departures{{l.scene.light[id].bounds, cache::Cause::kDeparture}};
         l.scene.statics.remove(id);
-        cache.plan(l.scene.view(l.occlusion.get()), {departures, {}, {}}, {l.eye, 0, {}}, plan, statistics);
+        plan.reset(kCascades.size());
+        cache.plan(l.scene.view(l.occlusion.get()), {departures, {}, {}}, {.eye = l.eye}, plan, statistics);
         maps.execute(plan);
         if (maps.maps() != drawn(l, false)) return false;
     }

@@ -22,6 +22,7 @@ ShadowConfig small() {
     config.farDistance = 45;
     config.restSeconds = 0.5;
     config.geometryBytes = 16 << 20;
+    config.movingSun = true;
     return config;
 }
 
@@ -60,6 +61,8 @@ TEST(LiveWorld, StaysExactThroughMixedLife) {
         EXPECT_GT(report.removals, 20u);
         EXPECT_GT(report.jumps, 3u);
         EXPECT_GT(report.chunkDepartures, 0u);
+        EXPECT_GT(report.sunRedraws, 5u);
+        EXPECT_GT(report.sunSteps, report.sunRedraws + 5);
     }
     tests::expectSilence();
 }
@@ -73,9 +76,11 @@ TEST(LiveWorld, TheSameSeedLivesTheSameLife) {
 TEST(LiveWorld, EachDefectIsSeen) {
     for (const cache::Sabotage sabotage :
          {cache::Sabotage::kLiteralScroll, cache::Sabotage::kDeafDeparture, cache::Sabotage::kStickyCertificate,
-          cache::Sabotage::kForgottenDebt, cache::Sabotage::kUnknownAsEmpty, cache::Sabotage::kSleptMotion}) {
+          cache::Sabotage::kForgottenDebt, cache::Sabotage::kUnknownAsEmpty, cache::Sabotage::kMixedSuns,
+          cache::Sabotage::kSleptMotion}) {
         ShadowConfig config = small();
         config.sabotage = sabotage;
+        config.movingSun = sabotage == cache::Sabotage::kMixedSuns;  // a sun that steps drops all certificates
         const tools::SoakReport report = live(config, 3000, 3);
         EXPECT_GT(report.differing, 0u) << "sabotage " << int(sabotage);
         EXPECT_FALSE(report.first.empty());
