@@ -33,6 +33,10 @@ bool PlanWriter::begin(const Piece& piece, world::CasterId caster) {
     if (light.bounds.max.x < min.x || light.bounds.min.x > max.x || light.bounds.max.y < min.y ||
         light.bounds.min.y > max.y)
         return false;
+    if (!scene_.light.drawn(caster, cascade_)) {
+        ++counts_.castersDropped;
+        return false;
+    }
     constexpr float inf = std::numeric_limits<float>::infinity();
     const glm::dvec2 low = min - glm::dvec2(light.origin), high = max - glm::dvec2(light.origin);
     low_ = {std::nextafter(float(low.x), -inf), std::nextafter(float(low.y), -inf)};

@@ -28,12 +28,13 @@ public:
 
     struct Counts {
         Cost cost;  ///< texels stay 0
-        uint64_t clustersFound = 0, clustersHidden = 0, trianglesHidden = 0;
+        uint64_t clustersFound = 0, clustersHidden = 0, trianglesHidden = 0, castersDropped = 0;
         Counts& operator+=(const Counts& o) {
             cost += o.cost;
             clustersFound += o.clustersFound;
             clustersHidden += o.clustersHidden;
             trianglesHidden += o.trianglesHidden;
+            castersDropped += o.castersDropped;
             return *this;
         }
     };

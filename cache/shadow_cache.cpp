@@ -36,6 +36,7 @@ void tally(CascadeStatistics& statistics, Cost& cost, const PlanWriter::Counts& 
     statistics.clustersFound += counts.clustersFound;
     statistics.clustersHidden += counts.clustersHidden;
     statistics.trianglesHidden += counts.trianglesHidden;
+    statistics.castersDropped += counts.castersDropped;
 }
 
 /// Copies the dirty rectangles of the cache map over the working map and draws active casters there.

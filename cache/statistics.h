@@ -52,6 +52,7 @@ struct CascadeStatistics {
     uint64_t clustersFound = 0;   ///< static clusters that the queries returned
     uint64_t clustersHidden = 0;  ///< of these, skipped for a certificate
     uint64_t trianglesHidden = 0; ///< of the skipped clusters
+    uint64_t castersDropped = 0;  ///< static ones too small to be drawn, once for each region they meet
     bool asleep = false;          ///< nothing that it serves can be seen: left as it was
     uint64_t unknownTexels = 0;   ///< of the window, after this frame
     uint64_t staleTexels = 0;     ///< of the cache map, likewise

@@ -17,8 +17,8 @@ ClusterRect outwards(glm::dvec2 min, glm::dvec2 max) {
 
 }  // namespace
 
-LightCasters::LightCasters(const LightSpace& space, std::vector<Cascade> cascades)
-    : space_(space), cascades_(std::move(cascades)) {
+LightCasters::LightCasters(const LightSpace& space, std::vector<Cascade> cascades, double smallestTexels)
+    : space_(space), smallestTexels_(smallestTexels), cascades_(std::move(cascades)) {
     CHECK(!cascades_.empty() && cascades_.size() <= kMaxCascades);
 }
 
@@ -41,6 +41,13 @@ LightCaster& LightCasters::place(world::CasterId id, const world::CasterTable& t
     return caster;
 }
 
+void LightCasters::drop(LightCaster& caster) const {
+    caster.dropped = 0;
+    const glm::dvec2 size(caster.bounds.extent());
+    for (size_t c = 0; c < cascades_.size(); ++c)
+        if (std::max(size.x, size.y) < smallestTexels_ * cascades_[c].texel) caster.dropped |= 1u << c;
+}
+
 void LightCasters::addStatic(world::CasterId id, const world::CasterTable& table) {
     LightCaster& caster = place(id, table);
     const world::Mesh& mesh = table.meshOf(id);
@@ -60,6 +67,7 @@ void LightCasters::addStatic(world::CasterId id, const world::CasterTable& table
             caster.bounds.add({box.min + caster.origin, box.max + caster.origin});
         }
     }
+    drop(caster);
 }
 
 void LightCasters::addActive(world::CasterId id, const world::CasterTable& table) {
@@ -78,6 +86,7 @@ void LightCasters::addActive(world::CasterId id, const world::CasterTable& table
         }
     }
     caster.bounds = world::grown(caster.bounds, double(table[id].margin));
+    drop(caster);
 }
 
 }  // namespace culling

@@ -30,13 +30,16 @@ struct LightCaster {
     glm::dvec3 origin{0};         ///< light-space place of the mesh's own origin [m]
     world::Box bounds;            ///< light space [m], over all levels in use
     std::array<uint8_t, kMaxCascades> level{};  ///< drawn in each cascade
+    uint32_t dropped = 0;  ///< bit c: too small to be drawn in cascade c
     std::vector<std::vector<ClusterRect>> rects; ///< [level][cluster]; empty for levels not in use
 };
 
 /// Follows a CasterTable, by the same ids. One writer; readers may run side by side.
 class LightCasters {
 public:
-    LightCasters(const LightSpace& space, std::vector<Cascade> cascades);
+    /// A caster whose bounds span less than `smallestTexels` of a cascade's texels on both axes of the map
+    /// is dropped from that cascade: not drawn, and proof of nothing. 0 keeps all.
+    LightCasters(const LightSpace& space, std::vector<Cascade> cascades, double smallestTexels = 0);
 
     const LightSpace& space() const { return space_; }
     const std::vector<Cascade>& cascades() const { return cascades_; }
@@ -52,13 +55,19 @@ public:
     int level(world::CasterId id, int cascade) const {
         return casters_[id].level[static_cast<size_t>(cascade)];
     }
+    bool drawn(world::CasterId id, int cascade) const { return (casters_[id].dropped >> cascade & 1) == 0; }
+    /// None where the caster is dropped.
     const std::vector<ClusterRect>& rects(world::CasterId id, int cascade) const {
+        if (!drawn(id, cascade)) return none_;
         return casters_[id].rects[casters_[id].level[static_cast<size_t>(cascade)]];
     }
 
 private:
     LightCaster& place(world::CasterId id, const world::CasterTable& table);
+    void drop(LightCaster& caster) const;
     LightSpace space_;
+    double smallestTexels_;
+    std::vector<ClusterRect> none_;
     std::vector<Cascade> cascades_;
     std::vector<LightCaster> casters_;
 };

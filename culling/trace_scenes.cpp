@@ -89,6 +89,7 @@ std::vector<world::CasterId> TraceScenes::add(int cascade, std::span<const world
     std::vector<world::CasterId> fresh;
     std::vector<std::pair<Shape*, const world::MeshLevel*>> unbuilt;
     for (world::CasterId caster : casters) {
+        if (!s.light.drawn(caster, cascade)) continue;
         if (members.size() <= caster) members.resize(caster + 1, Membership::kOut);
         if (members[caster] != Membership::kOut) continue;
         members[caster] = Membership::kUnseen;

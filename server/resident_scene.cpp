@@ -51,12 +51,12 @@ ResidentScene::ResidentScene(const world::WorldStore& store, gpu::ShadowMaps& ma
       streamer_(store, config.residentBytes),
       statics_(store.header().bounds, kSmallestCell),
       sets_(config.restSeconds, config.promotionsPerFrame) {
-    sides_.push_back(std::make_unique<SunSide>(space, cascades));
+    sides_.push_back(std::make_unique<SunSide>(space, cascades, config.smallestCaster));
 }
 
 void ResidentScene::openNext(const culling::LightSpace& space) {
     CHECK(sides_.size() == 1);
-    auto side = std::make_unique<SunSide>(space, shown().light.cascades());
+    auto side = std::make_unique<SunSide>(space, shown().light.cascades(), config_.smallestCaster);
     side->light.reserve(table_.slots());
     tbb::parallel_for(world::CasterId(0), world::CasterId(table_.slots()), [&](world::CasterId id) {
         if (table_[id].state == world::CasterState::kStatic) side->light.addStatic(id, table_);

@@ -47,6 +47,7 @@ struct SceneConfig {
     uint64_t residentBytes = 4ull << 30;
     int side = 1024;
     int guardBand = 1;  ///< [texels]
+    double smallestCaster = 0;  ///< [texels]
     bool stickyCertificates = false;  ///< a deliberate defect, for tests
 };
 
@@ -62,7 +63,8 @@ struct SceneChanges {
 
 /// The casters as one sun sees them, and what happened to them since the last `settle`.
 struct SunSide {
-    SunSide(const culling::LightSpace& space, const std::vector<culling::Cascade>& cascades) : light(space, cascades) {}
+    SunSide(const culling::LightSpace& space, const std::vector<culling::Cascade>& cascades, double smallestCaster)
+        : light(space, cascades, smallestCaster) {}
     culling::LightCasters light;
     std::unique_ptr<culling::Occlusion> occlusion;  ///< null: everything is drawn
     std::vector<glm::dvec2> certifiedAt;  ///< per cascade: eye at the last look for certificates

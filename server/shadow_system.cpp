@@ -62,7 +62,7 @@ struct ShadowSystem::Impl {
           cascades(lightCascades),
           scene(store, *maps, space, cascades,
                 {c.farDistance, c.occlusion, c.raysPerCluster, c.restSeconds, c.promotionsPerFrame, c.residentBytes,
-                 c.side, c.guardBand, c.sabotage == cache::Sabotage::kStickyCertificate}),
+                 c.side, c.guardBand, c.smallestCaster, c.sabotage == cache::Sabotage::kStickyCertificate}),
           motion(c.sunMotion, space.sun, c.method == Method::kGnomon),
           sunNow(space.sun) {
         suns.push_back(makeSun(space, 0, cache::Cause::kStart));
@@ -122,6 +122,8 @@ Result<std::unique_ptr<ShadowSystem>> ShadowSystem::create(gpu::Device& device, 
     if (!cascades) return cascades.error();
     if (!(filled.restSeconds >= 0))
         return Error{ErrorCode::kUsage, "rest time: " + std::to_string(filled.restSeconds) + " s; give 0 or more"};
+    if (!(filled.smallestCaster >= 0 && std::isfinite(filled.smallestCaster)))
+        return Error{ErrorCode::kUsage, "smallest caster: give a number of texels, 0 or more"};
     if (auto budget = requireBudget(filled.budget); !budget) return budget.error();
     if (store.chunks().empty() || store.header().bounds.empty())
         return Error{ErrorCode::kBadData, store.path() + ": nothing in it casts a shadow; bake a source that has casters"};
@@ -132,7 +134,7 @@ Result<std::unique_ptr<ShadowSystem>> ShadowSystem::create(gpu::Device& device, 
         return Error{ErrorCode::kUsage, "sun: give steps above 0 and up to 0.2 radians, and a blend of 0 seconds or more"};
 
     const int count = filled.cascades * (filled.movingSun ? 2 : 1);
-    auto maps = gpu::ShadowMaps::create(device, {count, filled.side, filled.geometryBytes});
+    auto maps = gpu::ShadowMaps::create(device, {count, filled.side, filled.geometryBytes, filled.format});
     if (!maps) return maps.error();
     return std::unique_ptr<ShadowSystem>(new ShadowSystem(
         std::make_unique<Impl>(store, filled, std::move(maps.value()), space.value(), cascades.value())));

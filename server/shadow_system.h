@@ -44,6 +44,8 @@ struct ShadowConfig {
     bool movingSun = false;    ///< frames may turn it: doubles the memory of the maps
     SunMotionConfig sunMotion;
     Method method = Method::kGnomon;
+    double smallestCaster = 0; ///< casters smaller than so many texels of a cascade are not drawn there; 0: all
+    gpu::DepthFormat format = gpu::DepthFormat::kD32;
     bool occlusion = true;     ///< certificates, texel-exact
     uint32_t raysPerCluster = 4096;  ///< above this a cluster is simply drawn
     double restSeconds = 10;   ///< an active object is static after resting this long

@@ -89,6 +89,7 @@ void addCosts(Columns& columns) {
 }
 
 void addDebts(Columns& columns) {
+    columns.cascade("casters_dropped", [](const CascadeStatistics& s) { return s.castersDropped; });
     columns.cascade("asleep", [](const CascadeStatistics& s) { return int(s.asleep); });
     columns.cascade("unknown_texels", [](const CascadeStatistics& s) { return s.unknownTexels; });
     columns.cascade("stale_texels", [](const CascadeStatistics& s) { return s.staleTexels; });

@@ -41,6 +41,7 @@ struct ReplayOptions {
     double day = 0;   ///< [s]; 0: the sun stands still
     double fov = 0;   ///< vertical [degrees]; 0: not known
     double sunStep = 0.5;  ///< [degrees]
+    int depthBits = 32;
     uint64_t budgetTexels = 0, budgetTriangles = 0;  ///< 0: none
     int threads = 0;  ///< 0: all
     server::ShadowConfig shadow;
@@ -66,6 +67,7 @@ Result<server::ShadowConfig> shadowConfig(const ReplayOptions& options) {
     }
     config.method = options.method == "redraw" ? server::Method::kRedraw : server::Method::kGnomon;
     config.occlusion = options.occlusion == "exact";
+    config.format = options.depthBits == 16 ? gpu::DepthFormat::kD16 : gpu::DepthFormat::kD32;
     config.sunMotion.step = glm::radians(options.sunStep);
     if (options.budgetTexels > 0) config.budget.texels = options.budgetTexels;
     if (options.budgetTriangles > 0) config.budget.triangles = options.budgetTriangles;
@@ -253,6 +255,10 @@ void addSystemOptions(CLI::App& parser, ReplayOptions& options) {
     parser.add_option("--resolution", options.shadow.side, "texels a side of each map, 64 to 8192");
     parser.add_option("--far", options.shadow.farDistance, "how far from the eye shadows reach [m]");
     parser.add_option("--guard-band", options.shadow.guardBand, "windows move in steps of this many texels");
+    parser.add_option("--smallest-caster", options.shadow.smallestCaster,
+                      "leave casters of less than so many texels out of a cascade; 0, the default, keeps all");
+    parser.add_option("--depth", options.depthBits, "bits of a texel's depth, 16 or 32")
+        ->check(CLI::IsMember({16, 32}));
     parser.add_option("--fov", options.fov,
                       "the camera's vertical field of view [degrees], at 16:9: cascades that serve nothing in view sleep")
         ->check(CLI::Range(0.0, 179.0));

@@ -71,6 +71,8 @@ Json configJson(const ReplayHead& head) {
             {"far_m", config.farDistance},
             {"split_ratio", config.splitRatio},
             {"guard_band", config.guardBand},
+            {"depth_bits", config.format == gpu::DepthFormat::kD16 ? 16 : 32},
+            {"smallest_caster_texels", config.smallestCaster},
             {"budget_texels", limit(config.budget.texels)},
             {"budget_triangles", limit(config.budget.triangles)},
             {"budget_ms", config.budget.ms},

@@ -32,6 +32,23 @@ TEST(CasterQuery, FindsExactlyTheCastersOverTheRectangle) {
     }
 }
 
+TEST(LightCasters, DropsWhatIsSmallerThanAskedAndNothingElse) {
+    const std::vector<culling::Cascade> cascades{{10, 0.1}, {100, 1}};
+    culling::LightCasters light(culling::makeLightSpace({0, -1, 0}).value(), cascades, 2);
+    world::CasterTable table;
+    const world::Mesh box = tests::boxMesh({1, 1, 1});
+    const world::MeshSlot slot = table.addMesh(box);
+    for (const auto& [scale, near, far] : {std::tuple(0.19, false, false), {0.21, true, false}, {1.9, true, false}, {2.1, true, true}}) {
+        const world::CasterId id = table.add(slot, tests::placedAt({5, 5, 5}, scale), world::CasterState::kStatic, {});
+        for (const bool active : {false, true}) {
+            active ? light.addActive(id, table) : light.addStatic(id, table);
+            EXPECT_EQ(light.drawn(id, 0), near) << scale;
+            EXPECT_EQ(light.drawn(id, 1), far) << scale;
+            EXPECT_EQ(light.rects(id, 1).empty(), !far);
+        }
+    }
+}
+
 TEST(LightCasters, RectanglesHoldEveryVertex) {
     std::mt19937 rng(9);
     std::uniform_real_distribution<double> any(-2, 2);

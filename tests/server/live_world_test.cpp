@@ -48,6 +48,10 @@ TEST(LiveWorld, StaysExactThroughMixedLife) {
     for (const int guard : {1, 6}) {
         ShadowConfig config = small();
         config.guardBand = guard;
+        if (guard > 1) {  // and with it what else can differ from the defaults
+            config.format = gpu::DepthFormat::kD16;
+            config.smallestCaster = 3;
+        }
         const tools::SoakReport report = live(config, 1500, 3);
         EXPECT_EQ(report.differing, 0u);
         EXPECT_EQ(report.frames, 1500u);
@@ -65,6 +69,19 @@ TEST(LiveWorld, StaysExactThroughMixedLife) {
         EXPECT_GT(report.sunSteps, report.sunRedraws + 5);
     }
     tests::expectSilence();
+}
+
+TEST(LiveWorld, DroppedCastersAreCountedAndProveNothing) {
+    ShadowConfig config = small();
+    config.smallestCaster = 30;  // in the far cascade that is every caster but the grounds
+    const auto system = make(config);
+    const auto report = system->advance({0, {{0, 2, 0}, {1, 0, 0, 0}}, {}}).value();
+    EXPECT_EQ(report.cascades[0].castersDropped, 0u);
+    EXPECT_GT(report.cascades[2].castersDropped, 100u);
+    EXPECT_EQ(report.cascades[2].clustersHidden, 0u) << "only roofs hide anything here";
+    EXPECT_EQ(system->verify().value().differing, 0u);
+    config.smallestCaster = 0;
+    EXPECT_GT(make(config)->advance({0, {{0, 2, 0}, {1, 0, 0, 0}}, {}}).value().cascades[2].clustersHidden, 0u);
 }
 
 TEST(LiveWorld, TheSameSeedLivesTheSameLife) {
