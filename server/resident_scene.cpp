@@ -121,13 +121,18 @@ world::Result<world::Done> ResidentScene::uploadLevels(world::CasterId caster) {
         auto id = maps_.upload(entry.mesh->levels[level]);
         if (!id) return id.error();
         entry.geometry[level] = id.value();
+        if (uploaded_.size() <= id.value()) uploaded_.resize(id.value() + size_t{1});
+        uploaded_[id.value()] = &entry.mesh->levels[level];
     }
     return world::Done{};
 }
 
 void ResidentScene::removeMesh(world::MeshSlot slot) {
     for (uint32_t id : table_.mesh(slot).geometry)
-        if (id != world::kNoGeometry) maps_.release(id);
+        if (id != world::kNoGeometry) {
+            maps_.release(id);
+            uploaded_[id] = nullptr;
+        }
     for (auto& side : sides_)
         if (side->occlusion) side->occlusion->forgetMesh(slot);
     table_.removeMesh(slot);

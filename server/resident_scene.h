@@ -113,6 +113,11 @@ public:
     }
     const world::CasterTable& casters() const { return table_; }
     const culling::LightCasters& light(size_t side) const { return sides_[side]->light; }
+    /// A mesh level that casters in memory use; CHECKs that they do.
+    const world::MeshLevel& geometry(cache::GeometryId id) const {
+        CHECK(id < uploaded_.size() && uploaded_[id]);
+        return *uploaded_[id];
+    }
 
 private:
     struct Object {
@@ -160,6 +165,7 @@ private:
     world::Octree statics_;
     bool occlusionStarted_ = false;
     cache::CasterSets sets_;
+    std::vector<const world::MeshLevel*> uploaded_;  ///< by GeometryId; null: released
     std::map<uint32_t, world::MeshSlot> meshSlots_;  ///< by mesh id
     std::map<world::ChunkKey, ResidentChunk> chunks_;
     std::vector<Object> objects_;

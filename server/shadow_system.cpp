@@ -134,7 +134,13 @@ Result<std::unique_ptr<ShadowSystem>> ShadowSystem::create(gpu::Device& device, 
         return Error{ErrorCode::kUsage, "sun: give steps above 0 and up to 0.2 radians, and a blend of 0 seconds or more"};
 
     const int count = filled.cascades * (filled.movingSun ? 2 : 1);
-    auto maps = gpu::ShadowMaps::create(device, {count, filled.side, filled.geometryBytes, filled.format});
+    gpu::ShadowMapsConfig mapsConfig;
+    mapsConfig.cascades = count;
+    mapsConfig.side = filled.side;
+    mapsConfig.geometryBytes = filled.geometryBytes;
+    mapsConfig.format = filled.format;
+    mapsConfig.timestamps = filled.timestamps;
+    auto maps = gpu::ShadowMaps::create(device, mapsConfig);
     if (!maps) return maps.error();
     return std::unique_ptr<ShadowSystem>(new ShadowSystem(
         std::make_unique<Impl>(store, filled, std::move(maps.value()), space.value(), cascades.value())));
@@ -477,6 +483,13 @@ Result<uint64_t> ShadowSystem::mapHash(int cascade, gpu::MapKind kind) {
     if (!depths) return depths.error();
     return world::hashValues(std::span<const float>(depths.value()));
 }
+
+const cache::FramePlan& ShadowSystem::plan() const {
+    CHECK(impl_->planned);
+    return impl_->plan;
+}
+
+const world::MeshLevel& ShadowSystem::geometry(cache::GeometryId id) const { return impl_->scene.geometry(id); }
 
 std::span<const cache::StoreRect> ShadowSystem::clearedRects(int cascade) const {
     CHECK(impl_->planned);

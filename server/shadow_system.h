@@ -53,6 +53,7 @@ struct ShadowConfig {
     uint64_t residentBytes = 4ull << 30;  ///< decoded chunks and meshes
     uint64_t geometryBytes = 512ull << 20;  ///< GPU arena
     Budget budget;
+    bool timestamps = true;  ///< of GPU passes; each costs a software driver 0.1 ms, without them cascades' times are 0
     cache::Sabotage sabotage = cache::Sabotage::kNone;  ///< for tests of the verification
 };
 
@@ -183,6 +184,10 @@ public:
     world::Result<std::vector<float>> readMap(int cascade, gpu::MapKind kind, SunMaps which = SunMaps::kShown);
     /// Hash of a map's bits.
     world::Result<uint64_t> mapHash(int cascade, gpu::MapKind kind);
+    /// The last frame's plan, until the next `advance`.
+    const cache::FramePlan& plan() const;
+    /// What that plan's items draw.
+    const world::MeshLevel& geometry(cache::GeometryId id) const;
     /// Regions of the last frame's plan that were cleared (redrawn from nothing), stored order.
     std::span<const cache::StoreRect> clearedRects(int cascade) const;
 

@@ -6,6 +6,7 @@
 
 #include <random>
 
+#include "gpu/floor.h"
 #include "tests/server/rays.h"
 #include "tests/server/worlds.h"
 
@@ -262,6 +263,39 @@ TEST(ShadowSystem, RefusesWhatCannotWork) {
     const auto frame = make(nearWorld(), config)->advance({0, {glm::dvec3(0), {1, 0, 0, 0}}, {}});
     ASSERT_FALSE(frame);
     EXPECT_EQ(frame.error().code, world::ErrorCode::kLimit);
+}
+
+/// Plans and geometry as the system hands them out, drawn by somebody else: chunks come and go on the
+/// way, and with them the numbers of their geometry.
+TEST(ShadowSystem, PlansCanBeDrawnElsewhere) {
+    ShadowConfig config = small();
+    config.timestamps = false;
+    const auto system = make(nearWorld(), config);
+    gpu::ShadowMapsConfig maps;
+    maps.cascades = config.cascades;
+    maps.side = config.side;
+    auto floor = gpu::Floor::create(tests::validatedDevice(), maps);
+    ASSERT_TRUE(floor) << floor.error().what;
+    Walk walk(*system, glm::dvec3(0));
+    uint64_t departures = 0;
+    for (int frame = 0; frame < 90; ++frame) {
+        const FrameReport report = walk.step();
+        departures += report.chunkDepartures;
+        for (const gpu::CascadeTimes& times : report.gpu.cascades) ASSERT_EQ(times.staticMs + times.activeMs, 0);
+        const auto prepared = floor.value()->prepare(
+            system->plan(),
+            [&](cache::GeometryId id) -> const world::MeshLevel& { return system->geometry(id); });
+        ASSERT_TRUE(prepared) << prepared.error().what;
+        ASSERT_TRUE(floor.value()->run(prepared.value()));
+        floor.value()->discard();
+        if (frame % 10 != 9) continue;
+        for (int c = 0; c < system->cascades(); ++c)
+            for (const gpu::MapKind kind : {gpu::MapKind::kCache, gpu::MapKind::kWorking})
+                ASSERT_EQ(system->readMap(c, kind).value(), floor.value()->read(c, kind).value())
+                    << "frame " << frame << " cascade " << c;
+    }
+    EXPECT_GT(departures, 0u);
+    tests::expectSilence();
 }
 
 }  // namespace
