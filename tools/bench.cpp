@@ -1,178 +1,148 @@
-// tools/bench.cpp — the `gnomon-bench` program: cached updates beside whole redraws, in one run.
-// Two systems follow the same path without movers, so only the static part is measured: one caches,
-// the other draws everything; on sampled frames both advance to the same pose, one after the other.
-#include <tbb/global_control.h>
-
+// tools/bench.cpp — the `gnomon-bench` program: cached updates beside whole redraws and a bare Vulkan
+// loop, in one run. docs/benchmarks.md says what is measured and how.
 #include <CLI/CLI.hpp>
-#include <algorithm>
-#include <chrono>
 #include <cstdio>
+#include <filesystem>
 #include <iostream>
-#include <optional>
 
+#include "tools/bench_report.h"
+#include "tools/bench_run.h"
+#include "tools/bench_sizes.h"
 #include "tools/options.h"
-#include "tools/replay.h"
 #include "tools/summary.h"
+#include "tools/yardstick.h"
+#include "world/bake.h"
+#include "world/gltf.h"
 #include "world/path.h"
 #include "world/store.h"
 
 namespace tools {
 namespace {
 
+namespace fs = std::filesystem;
 using world::Done;
+using world::Error;
+using world::ErrorCode;
 using world::Result;
 
-constexpr double kDriveBegins = 18, kDriveEnds = 48;  // of the built-in path [s]
-constexpr int kStandingFrames = 300;
-
-/// One frame's cost [ms].
-struct FrameCost {
-    double update = 0;  ///< plan, record, submit to fence: what a redraw does as well
-    double whole = 0;   ///< all of ShadowSystem::advance, streaming and certificates too
-    uint64_t triangles = 0;
-    bool submitted = false;
+struct BenchOptions {
+    std::string world, path, sizes, work;
+    bool yardstick = false;
+    size_t frames = 900, redraws = 20;
 };
 
-Result<FrameCost> advance(server::ShadowSystem& system, const world::Pose& pose, double time) {
-    server::FrameInput input;
-    input.time = time;
-    input.camera = {pose.position, pose.orientation};
-    const auto start = std::chrono::steady_clock::now();
-    const auto report = system.advance(input);
-    const auto end = std::chrono::steady_clock::now();
-    if (!report) return report.error();
-    const server::FrameReport& frame = report.value();
-    FrameCost cost;
-    cost.whole = std::chrono::duration<double, std::milli>(end - start).count();
-    cost.update = frame.cpu.planMs + frame.cpu.recordMs + frame.gpu.wallMs;
-    for (const cache::CascadeStatistics& cascade : frame.cascades) cost.triangles += cascade.total.triangles;
-    cost.submitted = frame.gpu.submitted;
-    return cost;
-}
+constexpr double kYardstickMs = 2;  ///< of the goal
+constexpr uint32_t kYardstickSeed = 7;
 
-struct Bench {
-    std::unique_ptr<gpu::Device> device;
-    std::optional<world::WorldStore> store;
-    std::vector<world::Pose> path;
-
-    Result<std::unique_ptr<server::ShadowSystem>> system(server::Method method) {
-        server::ShadowConfig config;
-        config.method = method;
-        return server::ShadowSystem::create(*device, *store, config);
-    }
-};
-
-/// The frames of the built-in path's drive or, in a path that is over before it ends, all frames.
-FrameRange drive(const std::vector<world::Pose>& path) {
-    const double first = path.front().time;
-    if (path.back().time - first < kDriveEnds) return {0, path.size()};
-    const auto at = [&](double time) {
-        return uint64_t(std::lower_bound(path.begin(), path.end(), first + time,
-                                         [](const world::Pose& p, double t) { return p.time < t; }) -
-                        path.begin());
-    };
-    return {at(kDriveBegins), at(kDriveEnds)};
-}
-
-/// Plays a segment and prints its row; the cached system is left at the segment's end.
-Result<Done> measure(Bench& bench, server::ShadowSystem& cached, const FrameRange& range) {
-    auto redrawing = bench.system(server::Method::kRedraw);
-    if (!redrawing) return redrawing.error();
-    std::vector<double> updates, wholes, sampledUpdates, redraws;
-    uint64_t cachedTriangles = 0, redrawnTriangles = 0;
-    const uint64_t step = samplingStep(range.end - range.begin);
-    for (uint64_t k = range.begin; k < range.end; ++k) {
-        const auto cost = advance(cached, bench.path[k], bench.path[k].time);
-        if (!cost) return cost.error();
-        updates.push_back(cost.value().update);
-        wholes.push_back(cost.value().whole);
-        // The first frame fills the maps: for both it is a whole redraw.
-        if (k == range.begin || (k - range.begin) % step != 0) continue;
-        const auto redraw = advance(*redrawing.value(), bench.path[k], bench.path[k].time);
-        if (!redraw) return redraw.error();
-        sampledUpdates.push_back(cost.value().update);
-        redraws.push_back(redraw.value().update);
-        cachedTriangles += cost.value().triangles;
-        redrawnTriangles += redraw.value().triangles;
-    }
-    const auto share = [](double part, double whole) { return whole > 0 ? 100 * part / whole : 0; };
-    char name[48];
-    std::snprintf(name, sizeof name, "%llu:%llu", static_cast<unsigned long long>(range.begin),
-                  static_cast<unsigned long long>(range.end));
-    std::printf("%-12s %7zu %8zu %9.3f %9.3f %9.3f %7.2f %% %9.2f %% %9.3f %9.3f\n", name, updates.size(),
-                redraws.size(), median(updates), median(sampledUpdates), median(redraws),
-                share(median(sampledUpdates), median(redraws)),
-                share(double(cachedTriangles), double(redrawnTriangles)), median(wholes),
-                quantile(wholes, 0.95));
-    return Done{};
-}
-
-/// Stands still at `pose`, from `time` on, and prints what that costs.
-Result<Done> stand(server::ShadowSystem& cached, const world::Pose& pose, double time) {
-    std::vector<double> wholes;
-    int submissions = 0;
-    for (int k = 1; k <= kStandingFrames; ++k) {
-        const auto cost = advance(cached, pose, time + k / 30.0);
-        if (!cost) return cost.error();
-        wholes.push_back(cost.value().whole);
-        submissions += cost.value().submitted ? 1 : 0;
-    }
-    std::printf("standing still, %d frames: median %.4f ms and max %.4f ms of CPU a frame, %d submissions\n",
-                kStandingFrames, median(wholes), quantile(wholes, 1), submissions);
-    return Done{};
-}
-
-Result<Done> run(const std::string& world, const std::string& path, const std::vector<std::string>& frames) {
-    Bench bench;
-    auto store = world::WorldStore::open(world);
-    if (!store) return store.error();
-    bench.store.emplace(std::move(store.value()));
-    auto poses = world::readTum(path);
-    if (!poses) return poses.error();
-    bench.path = std::move(poses.value());
-    std::vector<FrameRange> ranges;
-    for (const std::string& text : frames) {
-        const auto range = parseFrameRange(text);
-        if (!range) return range.error();
-        if (const auto cut = replayPoses(bench.path, 0, range.value()); !cut) return cut.error();
-        ranges.push_back(range.value());
-    }
-    if (ranges.empty()) ranges.push_back(drive(bench.path));
-    auto device = gpu::Device::create({});
+/// Plays the motions, then prints machine, world and tables; what they cost.
+Result<std::vector<MotionCost>> measure(const world::WorldStore& store, const std::vector<Motion>& motions,
+                                        const BenchOptions& options) {
+    const auto device = gpu::Device::create({});
     if (!device) return device.error();
-    bench.device = std::move(device.value());
-
-    std::printf("%s, %s; %s, %s; %zu threads\n", world.c_str(), path.c_str(), bench.device->name().c_str(),
-                bench.device->driver().c_str(),
-                tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism));
-    std::printf("medians [ms]; update: plan, record, submit to fence; frame: all of it, p50 and p95\n");
-    std::printf("%-12s %7s %8s %9s %9s %9s %9s %11s %9s %9s\n", "segment", "frames", "sampled", "cached",
-                "sampled", "redraw", "of it", "triangles", "frame50", "frame95");
-    std::unique_ptr<server::ShadowSystem> last;
-    for (const FrameRange& range : ranges) {
-        auto cached = bench.system(server::Method::kGnomon);
-        if (!cached) return cached.error();
-        last = std::move(cached.value());
-        if (const auto done = measure(bench, *last, range); !done) return done.error();
+    BenchConfig config;
+    config.redraws = options.redraws;
+    const auto run = BenchRun::create(*device.value(), store, config);
+    if (!run) return run.error();
+    std::printf("%s\nbefore: %s\n", worldText(store).c_str(), machineText(*device.value()).c_str());
+    std::vector<MotionCost> costs;
+    for (const Motion& motion : motions) {
+        auto cost = run.value()->play(motion);
+        if (!cost) return cost.error();
+        costs.push_back(std::move(cost.value()));
     }
-    const world::Pose& end = bench.path[ranges.back().end - 1];
-    return stand(*last, end, end.time);
+    const server::ShadowConfig& shadows = config.shadows;
+    std::printf("after:  %s\n%d cascades of %d x %d texels, far %.0f m\n\n%s\n",
+                machineText(*device.value()).c_str(), shadows.cascades, shadows.side, shadows.side,
+                shadows.farDistance, costTables(costs).c_str());
+    return costs;
+}
+
+Result<Done> benchWorld(const BenchOptions& options) {
+    const auto store = world::WorldStore::open(options.world);
+    if (!store) return store.error();
+    const std::string file =
+        options.path.empty() ? fs::path(options.world).replace_extension(".tum").string() : options.path;
+    const auto path = world::readTum(file);
+    if (!path) return path.error();
+    const auto track = travelled(path.value());
+    if (!track) return Error{track.error().code, file + ": " + track.error().what};
+    std::vector<Motion> motions = benchMotions(track.value(), options.frames);
+    if (!moverMesh(store.value()))  // terrain alone
+        std::erase_if(motions, [](const Motion& motion) { return motion.movers > 0; });
+    const auto costs = measure(store.value(), motions, options);
+    if (!costs) return costs.error();
+    std::printf("%s", goalText(motionGoals(costs.value(), instancesOf(store.value()))).c_str());
+    return Done{};
+}
+
+/// A folder that goes with the object.
+struct TemporaryFolder {
+    fs::path path;
+    TemporaryFolder() {
+        std::string pattern = (fs::temp_directory_path() / "gnomon-bench-XXXXXX").string();
+        if (::mkdtemp(pattern.data())) path = pattern;
+    }
+    ~TemporaryFolder() {
+        std::error_code ignored;
+        if (!path.empty()) fs::remove_all(path, ignored);
+    }
+    TemporaryFolder(const TemporaryFolder&) = delete;
+    TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+};
+
+Result<Done> benchYardstick(const BenchOptions& options) {
+    const TemporaryFolder folder;
+    if (folder.path.empty()) return Error{ErrorCode::kIo, "no temporary folder can be made: check TMPDIR"};
+    const std::string glb = (folder.path / "yardstick.glb").string(),
+                      file = (folder.path / "yardstick.world").string();
+    if (const auto done = writeYardstick(glb, kYardstickSeed); !done) return done.error();
+    const auto source = world::openGltf(glb, {.chunkSize = 0, .sun = yardstickSun()});
+    if (!source) return source.error();
+    if (const auto baked = world::bake(source.value(), file, [](size_t, size_t) {}); !baked)
+        return baked.error();
+    const auto store = world::WorldStore::open(file);
+    if (!store) return store.error();
+    const auto costs =
+        measure(store.value(), {{"yardstick", follow(yardstickTrack(), 15, options.frames)}}, options);
+    if (!costs) return costs.error();
+    const double update = median(costs.value().front().update);
+    std::printf("%s", goalText({{format("yardstick: update at most %.0f ms", kYardstickMs),
+                                 format("%.3f ms", update), update <= kYardstickMs}})
+                          .c_str());
+    return Done{};
+}
+
+Result<Done> run(const BenchOptions& options) {
+    const int tasks = int(!options.world.empty()) + int(options.yardstick) + int(!options.sizes.empty());
+    if (tasks != 1)
+        return Error{ErrorCode::kUsage, "give one of a world, --yardstick and --sizes; --help explains"};
+    if (!options.path.empty() && options.world.empty())
+        return Error{ErrorCode::kUsage, "--path: only with a world; leave it out"};
+    if (options.yardstick) return benchYardstick(options);
+    if (options.sizes.empty()) return benchWorld(options);
+    const auto sizes = parseSizes(options.sizes);
+    if (!sizes) return sizes.error();
+    if (options.work.empty())
+        return Error{ErrorCode::kUsage, "--sizes: worlds need a place; give a folder with --work"};
+    return benchSizes(sizes.value(), options.work, options.frames);
 }
 
 }  // namespace
 }  // namespace tools
 
 int main(int argc, char** argv) {
-    CLI::App app("Measures cached shadow updates beside whole redraws", "gnomon-bench");
-    std::string world, path;
-    std::vector<std::string> frames;
-    app.add_option("world", world, "world file")->required();
-    app.add_option("path", path, "camera path, TUM trajectory")->required();
-    app.add_option("--frames", frames,
-                   "FIRST:END, a segment to measure; repeatable; the drive of the built-in "
-                   "path by default")
-        ->expected(1)
-        ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+    CLI::App app("Measures cached shadow updates beside whole redraws and a bare Vulkan loop",
+                 "gnomon-bench");
+    tools::BenchOptions options;
+    app.add_option("world", options.world, "world file to walk, drive, turn and stand in");
+    app.add_option("--path", options.path,
+                   "camera path, TUM trajectory; beside the world by default: NAME.tum");
+    app.add_flag("--yardstick", options.yardstick, "a fixed scene of 10,000 boxes on a large ground");
+    app.add_option("--sizes", options.sizes, "N,N,...: the built-in world with so many instances each");
+    app.add_option("--work", options.work, "folder that keeps the worlds of --sizes");
+    app.add_option("--frames", options.frames, "most frames of a motion")->check(CLI::Range(1, 1'000'000));
+    app.add_option("--redraws", options.redraws, "frames of a motion that are drawn whole as well")
+        ->check(CLI::Range(0, 1'000'000));
     app.failure_message([](const CLI::App*, const CLI::Error& error) {
         return "gnomon-bench: " + std::string(error.what()) + "; --help lists the options\n";
     });
@@ -181,7 +151,7 @@ int main(int argc, char** argv) {
     } catch (const CLI::ParseError& error) {
         return app.exit(error) == 0 ? 0 : 2;
     }
-    const auto done = tools::run(world, path, frames);
+    const auto done = tools::run(options);
     if (done) return 0;
     std::cerr << "gnomon-bench: " << done.error().what << '\n';
     return tools::exitStatus(done.error().code);

@@ -108,8 +108,14 @@ TEST_F(Commands, HelpIsNoError) {
     for (const char* arguments : {"--help", "bake --help", "info --help", "replay --help"})
         EXPECT_EQ(gnomon(arguments).status, 0) << arguments;
     EXPECT_EQ(run(GNOMON_BENCH_BINARY, "--help").status, 0);
-    EXPECT_EQ(run(GNOMON_BENCH_BINARY, "").status, 2);
-    EXPECT_EQ(run(GNOMON_BENCH_BINARY, "a.world b.tum").status, 3);
+}
+
+TEST_F(Commands, TheBenchmarkRefusesWhatItCannotMeasure) {
+    for (const char* arguments :
+         {"", "a.world --yardstick", "--sizes 1e4 --yardstick", "--yardstick --path a.tum", "--sizes 1e4",
+          "--sizes 1e4,x --work .", "a.world --frames 0"})
+        EXPECT_EQ(run(GNOMON_BENCH_BINARY, arguments).status, 2) << arguments;
+    EXPECT_EQ(run(GNOMON_BENCH_BINARY, "missing.world").status, 3);
 }
 
 /// A glTF scene of one box 20 m wide, text only: enough of a world to refuse things about.
