@@ -15,6 +15,7 @@ enum class Light : uint8_t {
 struct PointAnswer {
     Light light = Light::kUnknown;
     int8_t cascade = -1;  ///< whose map answered; -1: none
+    bool fell = false;    ///< a nearer cascade's window holds the point and does not know it
     bool stale = false;   ///< the texel's depth may be older than the world
 };
 

@@ -469,10 +469,13 @@ Result<std::vector<PointAnswer>> ShadowSystem::lookup(std::span<const glm::dvec3
             }
             const cache::Texel slot = lattice.slot(texel);
             const auto at = size_t(slot.y * lattice.side + slot.x);
-            if (depths[at] == cache::kUnknownDepth) continue;  // the next coarser cascade may know
+            if (depths[at] == cache::kUnknownDepth) {  // the next coarser cascade may know
+                answers[i].fell = true;
+                continue;
+            }
             const double caster = map.depthNear + map.depthRange * double(depths[at]);
             const bool shadowed = depths[at] < cache::kEmptyDepth && caster + bias.texels * lattice.texel + bias.metres < p.z;
-            answers[i] = {shadowed ? Light::kShadowed : Light::kLit, int8_t(c), states[at] == kStaleTexel};
+            answers[i] = {shadowed ? Light::kShadowed : Light::kLit, int8_t(c), answers[i].fell, states[at] == kStaleTexel};
         }
     }
     return answers;

@@ -128,8 +128,8 @@ TEST(LiveWorld, AJumpWithinATenthOfItsNeedIsLateAndNeverWrong) {
         glm::dvec3 eye(50, 2, 50);
         std::mt19937 rng(5);
         const auto uniform = [&rng](double a, double b) { return a + (b - a) * double(rng()) / 4294967296.0; };
-        bool resting = false, coarser = false;
-        int judged = 0, shadows = 0;
+        bool resting = false;
+        int fell = 0, judged = 0, shadows = 0;
         for (int frame = 0; !resting || frame < 40; ++frame) {
             ASSERT_LT(frame, 400) << "it never converges";
             if (frame > 12 && frame < 30) eye.x -= 6;  // before all is paid: near texels become unknown anew
@@ -145,8 +145,7 @@ TEST(LiveWorld, AJumpWithinATenthOfItsNeedIsLateAndNeverWrong) {
             for (size_t i = 0; i < points.size(); ++i) {
                 if (answers[i].light == Light::kUnknown || answers[i].stale) continue;
                 const server::CascadeView view = system->view(answers[i].cascade);
-                const double away = glm::length(glm::dvec2(view.lightFromWorld * (points[i] - eye)));
-                coarser |= answers[i].cascade > 0 && away < system->view(answers[i].cascade - 1).split * 0.8;
+                fell += answers[i].fell;
                 // A texel speaks for the ray through its centre; judged where no caster's edge is near it.
                 const server::LookupBias bias;
                 const glm::dvec3 pLight = view.lightFromWorld * points[i];
@@ -164,7 +163,7 @@ TEST(LiveWorld, AJumpWithinATenthOfItsNeedIsLateAndNeverWrong) {
                     << "frame " << frame << ", cascade " << int(answers[i].cascade);
             }
         }
-        EXPECT_TRUE(coarser) << "no lookup fell to a coarser cascade";
+        EXPECT_GT(fell, 10) << "lookups that a coarser cascade answered";
         EXPECT_GT(judged, 1000);
         EXPECT_GT(shadows, 100);
     }
