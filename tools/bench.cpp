@@ -1,6 +1,7 @@
 // tools/bench.cpp — the `gnomon-bench` program: cached updates beside whole redraws and a bare Vulkan
 // loop, in one run. docs/benchmarks.md says what is measured and how.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <iostream>
@@ -51,9 +52,13 @@ Result<std::vector<MotionCost>> measure(const world::WorldStore& store, const st
         costs.push_back(std::move(cost.value()));
     }
     const server::ShadowConfig& shadows = config.shadows;
-    std::printf("after:  %s\n%d cascades of %d x %d texels, far %.0f m\n\n%s\n",
-                machineText(*device.value()).c_str(), shadows.cascades, shadows.side, shadows.side,
-                shadows.farDistance, costTables(costs).c_str());
+    std::printf("after:  %s\n%d cascades of %d x %d texels, far %.0f m", machineText(*device.value()).c_str(),
+                shadows.cascades, shadows.side, shadows.side, shadows.farDistance);
+    const bool moving =
+        std::any_of(motions.begin(), motions.end(), [](const Motion& m) { return m.movers > 0; });
+    if (const auto mesh = moverMesh(store); moving && mesh)
+        std::printf("; movers of %u triangles", store.meshes()[*mesh].levelTriangles.front());
+    std::printf("\n\n%s\n", costTables(costs).c_str());
     return costs;
 }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstdarg>
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 
 #include "tools/summary.h"
@@ -84,9 +85,9 @@ uint64_t instancesOf(const world::WorldStore& store) {
 
 std::string worldText(const world::WorldStore& store) {
     const glm::dvec3 size = store.header().bounds.extent();
-    return store.path() + format(": %llu instances, %zu chunks, %.0f x %.0f m",
-                                 static_cast<unsigned long long>(instancesOf(store)), store.chunks().size(),
-                                 size.x, size.z);
+    return std::filesystem::path(store.path()).filename().string() +
+           format(": %llu instances, %zu chunks, %.0f x %.0f m",
+                  static_cast<unsigned long long>(instancesOf(store)), store.chunks().size(), size.x, size.z);
 }
 
 Memory memory() { return {statusMiB("VmRSS"), statusMiB("VmHWM")}; }

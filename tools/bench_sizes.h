@@ -22,8 +22,9 @@ world::ProceduralOptions sizedWorld(uint32_t instances);
 std::vector<world::Pose> middleTrack(const world::ProceduralOptions& options);
 
 /// Bakes the worlds that `folder` does not have yet (as procedural-7-N.world, with the built-in path beside
-/// it), drives each, and prints a row for each and the ratio of the slowest to the fastest. Each size runs in
-/// a process of its own, so its memory is its own. To be called before anything starts a thread.
+/// it), drives each three times in turns, and prints a row for each and the ratio of the slowest to the
+/// fastest. Each size runs in a process of its own, so its memory is its own. To be called before anything
+/// starts a thread.
 ///   frames  most frames of a drive, > 0
 world::Result<world::Done> benchSizes(const std::vector<uint32_t>& sizes, const std::string& folder,
                                       size_t frames);
