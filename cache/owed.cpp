@@ -64,28 +64,31 @@ void OwedSet::settle(const TexelRect& drawn) {
     }
 }
 
-TexelRect OwedSet::compact() {
-    TexelRect forgotten;
-    for (const Owes owes : {Owes::kUnknown, Owes::kStale}) {
-        OwedRegion all{{}, Cause::kStart, owes, 0};
-        size_t count = 0;
-        for (const OwedRegion& r : regions_) {
-            if (r.owes != owes) continue;
-            if (count++ == 0 || r.since < all.since) {
-                all.since = r.since;
-                all.cause = r.cause;
-            }
-            all.rect = hull(all.rect, r.rect);
+/// Takes away more than kMost regions of one kind; their hull with the oldest one's date, empty if there
+/// are no more than that.
+OwedRegion OwedSet::replaceByHull(Owes owes) {
+    OwedRegion all{{}, Cause::kStart, owes, 0};
+    size_t count = 0;
+    for (const OwedRegion& r : regions_) {
+        if (r.owes != owes) continue;
+        if (count++ == 0 || r.since < all.since) {
+            all.since = r.since;
+            all.cause = r.cause;
         }
-        if (count <= kMost) continue;
-        std::erase_if(regions_, [owes](const OwedRegion& r) { return r.owes == owes; });
-        if (owes == Owes::kUnknown) {
-            settle(all.rect);  // stale texels in it are forgotten with the rest
-            forgotten = all.rect;
-        }
-        add(all);
+        all.rect = hull(all.rect, r.rect);
     }
-    return forgotten;
+    if (count <= kMost) return {};
+    std::erase_if(regions_, [owes](const OwedRegion& r) { return r.owes == owes; });
+    return all;
+}
+
+void OwedSet::compactStale() { add(replaceByHull(Owes::kStale)); }
+
+TexelRect OwedSet::compactUnknown() {
+    const OwedRegion all = replaceByHull(Owes::kUnknown);
+    settle(all.rect);  // stale texels in it are forgotten with the rest
+    add(all);
+    return all.rect;
 }
 
 int64_t OwedSet::area(Owes owes) const {

@@ -38,10 +38,11 @@ public:
     void add(const OwedRegion& region);
     /// The rectangle was drawn.
     void settle(const TexelRect& drawn);
-    /// Keeps the set small: while more than kMost regions are stale, their hull is, less what is unknown.
-    /// Unknown regions cannot grow without forgetting depths: more than kMost of them also become one,
-    /// and the caller must set to unknown what this returns: empty, or a rectangle that holds them all.
-    TexelRect compact();
+    /// Keeps the set small: where more than kMost regions are stale, their hull is, less what is unknown.
+    void compactStale();
+    /// Unknown regions cannot grow without forgetting depths: more than kMost of them also become one, and
+    /// the caller must set to unknown what this returns: empty, or a rectangle that holds them all.
+    TexelRect compactUnknown();
 
     std::span<const OwedRegion> regions() const { return regions_; }
     bool empty() const { return regions_.empty(); }
@@ -50,6 +51,7 @@ public:
     uint64_t age(uint64_t now) const;
 
 private:
+    OwedRegion replaceByHull(Owes owes);
     std::vector<OwedRegion> regions_;
     std::vector<TexelRect> pieces_, scratch_;
 };

@@ -146,6 +146,7 @@ void ShadowCache::Frame::sleep(size_t c) {
     };
     if (cache_.config_.sabotage != Sabotage::kDeafDeparture) departed(state.lattice, state.window, events_, owe);
     arrived(scene_, state.lattice, int(c), state.window, events_, owe);
+    state.owed.compactStale();  // a cascade may sleep for long; nothing becomes unknown meanwhile
     if (cache_.config_.sabotage != Sabotage::kSleptMotion)
         for (const world::Box& box : events_.activeDirt)
             state.slept.add(intersection(footprint(state.lattice, box), state.window));
@@ -171,7 +172,8 @@ void ShadowCache::Frame::collect(size_t c) {
         return;
     }
     state.owed.clip(window);
-    forgetDepths(c, state.owed.compact());
+    forgetDepths(c, state.owed.compactUnknown());
+    state.owed.compactStale();
     RectSet covered;
     for (const OwedRegion& region : state.owed.regions()) {
         add(region, true);

@@ -142,8 +142,11 @@ world::Result<world::CasterId> ResidentScene::addStatic(world::MeshSlot mesh, co
                                                         world::CasterOrigin origin) {
     const world::CasterId id = table_.add(mesh, placement, world::CasterState::kStatic, origin);
     placeStatic(id);
+    if (auto done = uploadLevels(id); !done) {
+        table_.remove(id);
+        return done.error();
+    }
     statics_.insert(id, table_[id].bounds);
-    if (auto done = uploadLevels(id); !done) return done.error();
     arrivals_.push_back({id, cache::Cause::kArrival});
     return id;
 }
@@ -303,11 +306,16 @@ void ResidentScene::moveObjects(double time, std::span<const ObjectUpdate> updat
         } else {
             dirtyActive(id);
         }
+        const world::Placement before = table_[id].placement;
         table_.place(id, update.placement);
         placeActive(id);
         dirtyActive(id);
         if (!object.deforms) sets_.moved(id, time);
-        if (auto done = uploadLevels(id); !done) changes.errors.push_back(done.error());
+        if (auto done = uploadLevels(id); !done) {  // it stays where its levels are uploaded already
+            changes.errors.push_back(done.error());
+            table_.place(id, before);
+            placeActive(id);
+        }
     }
 }
 

@@ -88,10 +88,13 @@ TEST(OwedSet, StaysSmallWithoutForgettingDebts) {
         set.add({{{4 * i, 0}, {4 * i + 1, 1}}, cache::Cause::kScroll, Owes::kUnknown, 7});
         set.add({{{4 * i + 2, 0}, {4 * i + 3, 1}}, cache::Cause::kDeparture, Owes::kStale, 9});
     }
-    EXPECT_TRUE(set.compact().empty());
+    EXPECT_TRUE(set.compactUnknown().empty());
+    set.compactStale();
+    EXPECT_EQ(set.regions().size(), 2 * OwedSet::kMost) << "no more than may be";
     set.add({{{0, 8}, {1, 9}}, cache::Cause::kScroll, Owes::kUnknown, 8});
     set.add({{{2, 20}, {3, 21}}, cache::Cause::kDeparture, Owes::kStale, 8});
-    const TexelRect forgotten = set.compact();
+    const TexelRect forgotten = set.compactUnknown();
+    set.compactStale();
     EXPECT_EQ(forgotten, (TexelRect{{0, 0}, {4 * int64_t(OwedSet::kMost) - 3, 9}}));
     EXPECT_LE(set.regions().size(), 4u);
     EXPECT_EQ(set.area(Owes::kUnknown), forgotten.area());
