@@ -380,6 +380,7 @@ ShadowCache::ShadowCache(std::vector<culling::Cascade> cascades, const CacheConf
     for (const culling::Cascade& c : cascades) {
         State state;
         state.lattice = {c.texel, config.side, config.guardBand};
+        state.split = c.split;
         states_.push_back(std::move(state));
     }
 }

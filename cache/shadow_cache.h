@@ -110,6 +110,10 @@ public:
     /// Forgets what the maps hold: the next plan draws everything.
     void forget();
 
+    int cascades() const { return int(states_.size()); }
+    /// Place of the cascade's maps in a FramePlan.
+    size_t map(int cascade) const { return config_.firstMap + size_t(cascade); }
+    double split(int cascade) const { return states_[size_t(cascade)].split; }
     /// True once the maps hold a window.
     bool drawn(int cascade) const { return states_[size_t(cascade)].drawn; }
     TexelRect window(int cascade) const { return states_[size_t(cascade)].window; }
@@ -128,6 +132,7 @@ public:
 private:
     struct State {
         Lattice lattice;
+        double split = 0;  ///< [m]
         TexelRect window;
         bool drawn = false;  ///< the maps hold the window
         OwedSet owed;

@@ -3,6 +3,13 @@
 #pragma once
 
 #include <cstdint>
+#include <glm/glm.hpp>
+#include <span>
+#include <vector>
+
+#include "gpu/shadow_maps.h"
+#include "server/sun.h"
+#include "world/result.h"
 
 namespace server {
 
@@ -25,5 +32,10 @@ struct LookupBias {
     double texels = 1.5;
     double metres = 0.02;
 };
+
+/// Answers for world points [m] from a sun's working maps as they are, the nearest cascade that holds and
+/// knows a point first. Reads whole maps back: for batches. kDevice from the GPU.
+world::Result<std::vector<PointAnswer>> lookup(gpu::ShadowMaps& maps, const Sun& sun,
+                                               std::span<const glm::dvec3> points, const LookupBias& bias);
 
 }  // namespace server

@@ -1,9 +1,9 @@
 #include "server/shadow_system.h"
 
 #include <algorithm>
-#include <bit>
 #include <chrono>
 #include <cmath>
+#include <deque>
 #include <glm/gtc/constants.hpp>
 
 #include "culling/cascades.h"
@@ -19,18 +19,12 @@ using world::Error;
 using world::ErrorCode;
 using world::Result;
 
-constexpr size_t kReported = 8;  ///< differences and casters that a verification lists
-
 /// What lavapipe takes for a small triangle, to begin with; frames under a time budget correct it.
 constexpr double kFirstMsPerTriangle = 1.0 / 7000;
+constexpr size_t kFramesInFlight = 2;
 constexpr double kLargestSunStep = 0.2;  // [rad]
-/// Beyond this a point [m] is in no window, and no texel could be counted for it.
-constexpr double kFarthestPoint = 1e9;
 /// Weight of the latest frame in that correction.
 constexpr double kRateGain = 0.25;
-
-/// What a texel of a stored map is worth, for verification and lookups.
-enum State : uint8_t { kValid, kStaleTexel, kUnknownTexel };
 
 Result<world::Done> requireBudget(const Budget& budget) {
     if (budget.texels == 0 || budget.triangles == 0)
@@ -45,13 +39,6 @@ double msSince(std::chrono::steady_clock::time_point start) {
 }
 
 }  // namespace
-
-/// One direction of the sun and what its maps hold.
-struct Sun {
-    culling::LightSpace space;
-    cache::ShadowCache cache;
-    cache::Cause begin = cache::Cause::kStart;  ///< of its first drawing
-};
 
 struct ShadowSystem::Impl {
     Impl(const world::WorldStore& worldStore, const ShadowConfig& c, std::unique_ptr<gpu::ShadowMaps> m,
@@ -79,11 +66,8 @@ struct ShadowSystem::Impl {
     void redirect(const culling::LightSpace& space);
     bool nextComplete() const;
     void planNext(const cache::Demand& demand, double share, std::vector<cache::CascadeStatistics>& statistics);
-    Result<uint64_t> compare(size_t side, int cascade, gpu::MapKind cached, gpu::MapKind redrawn, VerifyReport& report);
-    std::vector<std::string> castersAt(size_t side, int cascade, cache::Texel texel) const;
     cache::Limits limits() const;
-    std::vector<uint8_t> states(const Sun& sun, int cascade, gpu::MapKind map) const;
-    int slot(const Sun& sun, int cascade) const { return int(sun.cache.config().firstMap) + cascade; }
+    Result<world::Done> learnRate(const FrameReport& report);
     /// After a frame that was not drawn: what the maps hold is anybody's guess.
     Error lost(const Error& error) {
         for (auto& sun : suns) sun->cache.forget();
@@ -103,6 +87,12 @@ struct ShadowSystem::Impl {
     uint64_t frame = 0;
     uint64_t uploadedBefore = 0;
     bool planned = false;
+    gpu::Ticket lastTicket = 0;
+    struct Submitted {
+        gpu::Ticket ticket = 0;
+        uint64_t triangles = 0;
+    };
+    std::deque<Submitted> underWay;  ///< frames that drew something and have not told their rate
     double msPerTriangle = kFirstMsPerTriangle;
 };
 
@@ -140,6 +130,7 @@ Result<std::unique_ptr<ShadowSystem>> ShadowSystem::create(gpu::Device& device, 
     mapsConfig.geometryBytes = filled.geometryBytes;
     mapsConfig.format = filled.format;
     mapsConfig.timestamps = filled.timestamps;
+    mapsConfig.framesInFlight = int(kFramesInFlight);
     auto maps = gpu::ShadowMaps::create(device, mapsConfig);
     if (!maps) return maps.error();
     return std::unique_ptr<ShadowSystem>(new ShadowSystem(
@@ -234,17 +225,42 @@ Result<FrameReport> ShadowSystem::advance(const FrameInput& input) {
     report.cpu.planMs = msSince(planning);
     report.planHash = s.plan.hash();
 
-    auto times = s.maps->execute(s.plan);
-    if (!times) return s.lost(times.error());
-    report.gpu = std::move(times.value());
-    uint64_t triangles = 0;
-    for (const cache::CascadeStatistics& c : report.cascades) triangles += c.total.triangles;
-    if (triangles > 0)
-        s.msPerTriangle += kRateGain * (report.gpu.wallMs / double(triangles) - s.msPerTriangle);
-    report.cpu.recordMs = report.gpu.recordMs;
+    const auto ticket = s.maps->submit(s.plan);
+    if (!ticket) return s.lost(ticket.error());
+    report.ticket = s.lastTicket = ticket.value();
+    report.submitted = !s.plan.idle();
+    if (const auto learned = s.learnRate(report); !learned) return s.lost(learned.error());
     report.bytesUploaded = s.maps->uploadedBytes() - s.uploadedBefore;
     s.uploadedBefore = s.maps->uploadedBytes();
     return report;
+}
+
+/// Corrects the rate by a frame that has finished by now, since its place on the GPU was taken again. By
+/// timestamps where there are any: the time at which its fence was seen depends on when somebody looked.
+Result<world::Done> ShadowSystem::Impl::learnRate(const FrameReport& report) {
+    uint64_t triangles = 0;
+    for (const cache::CascadeStatistics& c : report.cascades) triangles += c.total.triangles;
+    if (triangles == 0) return world::Done{};
+    underWay.push_back({report.ticket, triangles});
+    if (underWay.size() <= kFramesInFlight) return world::Done{};
+    const auto [ticket, drawn] = underWay.front();
+    underWay.pop_front();
+    const auto times = maps->finish(ticket);
+    if (!times) return times.error();
+    double ms = config.timestamps ? 0 : times.value().wallMs;
+    for (const gpu::CascadeTimes& t : times.value().cascades) ms += t.staticMs + t.activeMs;
+    msPerTriangle += kRateGain * (ms / double(drawn) - msPerTriangle);
+    return world::Done{};
+}
+
+Result<world::Done> ShadowSystem::finish(FrameReport& report) {
+    if (report.ticket + gpu::ShadowMaps::kTicketsKept <= impl_->lastTicket)
+        return Error{ErrorCode::kUsage, "frame " + std::to_string(report.frame) + ": too long ago to ask what the GPU took"};
+    auto times = impl_->maps->finish(report.ticket);
+    if (!times) return impl_->lost(times.error());
+    report.gpu = std::move(times.value());
+    report.cpu.recordMs = report.gpu.recordMs;
+    return world::Done{};
 }
 
 /// Shows the next sun if it is ready, and makes room for the one that the frame asks for.
@@ -339,101 +355,15 @@ RedrawCosts ShadowSystem::redrawCosts() const {
 Result<VerifyReport> ShadowSystem::verify() {
     Impl& s = *impl_;
     CHECK(s.planned);
-    std::vector<cache::CascadeStatistics> statistics;
     s.redraw.reset(s.mapCount());
-    for (size_t side = 0; side < s.suns.size(); ++side)
-        s.suns[side]->cache.planRedraw(s.scene.view(side, false), s.redraw, statistics);
-    auto times = s.maps->redraw(s.redraw);
-    if (!times) return times.error();
+    auto report = server::verify(*s.maps, s.scene, s.suns, s.redraw);
     s.uploadedBefore = s.maps->uploadedBytes();
-    VerifyReport report;
-    report.redraw = std::move(times.value());
-    for (size_t side = 0; side < s.suns.size(); ++side) {
-        for (int c = 0; c < cascades(); ++c) {
-            if (!s.suns[side]->cache.drawn(c)) continue;
-            auto cache = s.compare(side, c, gpu::MapKind::kCache, gpu::MapKind::kScratchCache, report);
-            if (!cache) return cache.error();
-            auto working = s.compare(side, c, gpu::MapKind::kWorking, gpu::MapKind::kScratchWorking, report);
-            if (!working) return working.error();
-            report.differing += cache.value() + working.value();
-        }
-    }
     return report;
 }
 
-/// Per stored texel of a map.
-std::vector<uint8_t> ShadowSystem::Impl::states(const Sun& sun, int cascade, gpu::MapKind map) const {
-    const cache::ShadowCache& shadows = sun.cache;
-    const cache::Lattice& lattice = shadows.lattice(cascade);
-    std::vector<uint8_t> states(size_t(lattice.side * lattice.side), kValid);
-    const auto paint = [&](const cache::TexelRect& rect, State state) {
-        for (int64_t y = rect.min.y; y < rect.max.y; ++y)
-            for (int64_t x = rect.min.x; x < rect.max.x; ++x) {
-                const cache::Texel slot = lattice.slot({x, y});
-                states[size_t(slot.y * lattice.side + slot.x)] = state;
-            }
-    };
-    if (map == gpu::MapKind::kWorking)
-        for (const cache::TexelRect& rect : shadows.slept(cascade)) paint(rect, kStaleTexel);
-    for (const cache::OwedRegion& region : shadows.owed(cascade))
-        paint(region.rect, region.owes == cache::Owes::kUnknown ? kUnknownTexel : kStaleTexel);
-    return states;
-}
-
-Result<uint64_t> ShadowSystem::Impl::compare(size_t side, int cascade, gpu::MapKind cached, gpu::MapKind redrawn,
-                                             VerifyReport& report) {
-    const Sun& sun = *suns[side];
-    auto a = maps->read(slot(sun, cascade), cached);
-    if (!a) return a.error();
-    auto b = maps->read(slot(sun, cascade), redrawn);
-    if (!b) return b.error();
-    const std::vector<float>&held = a.value(), &truth = b.value();
-    const std::vector<uint8_t> state = states(sun, cascade, cached);
-    uint64_t differing = 0;
-    const cache::Lattice& lattice = sun.cache.lattice(cascade);
-    const cache::Texel low = sun.cache.window(cascade).min;
-    for (size_t i = 0; i < held.size(); ++i) {
-        if (state[i] == kStaleTexel) {
-            ++report.stale;
-            continue;
-        }
-        ++report.texels;
-        const float right = state[i] == kUnknownTexel ? cache::kUnknownDepth : truth[i];
-        if (std::bit_cast<uint32_t>(held[i]) == std::bit_cast<uint32_t>(right)) continue;
-        ++differing;
-        if (report.first.size() == kReported) continue;
-        const auto at = static_cast<int64_t>(i);
-        const cache::Texel stored(at % lattice.side, at / lattice.side);
-        const cache::Texel texel = low + lattice.slot(stored - low);
-        report.first.push_back({cascade, cached, texel, held[i], right, castersAt(side, cascade, texel)});
-    }
-    return differing;
-}
-
-std::vector<std::string> ShadowSystem::Impl::castersAt(size_t side, int cascade, cache::Texel texel) const {
-    const double t = suns[side]->cache.lattice(cascade).texel;
-    const glm::dvec2 min = (glm::dvec2(texel) - 1.0) * t, max = (glm::dvec2(texel) + 2.0) * t;
-    std::vector<std::string> names;
-    const world::CasterTable& table = scene.casters();
-    for (world::CasterId id = 0; id < table.slots() && names.size() < kReported; ++id) {
-        if (table[id].state == world::CasterState::kFree) continue;
-        const world::Box& b = scene.light(side)[id].bounds;
-        if (b.min.x <= max.x && b.max.x >= min.x && b.min.y <= max.y && b.max.y >= min.y)
-            names.push_back(table.describe(id));
-    }
-    return names;
-}
-
 CascadeView ShadowSystem::view(int cascade, SunMaps which) const {
-    const Impl& s = *impl_;
-    CHECK(size_t(which) < s.suns.size());
-    const Sun& sun = *s.suns[size_t(which)];
-    const culling::Cascade& c = s.cascades[size_t(cascade)];
-    const cache::CacheConfig& config = sun.cache.config();
-    // Stored depths of casters begin at kNearestDepth.
-    const double range = config.depthRange / (1.0 - cache::kNearestDepth);
-    return {c.texel, c.split, sun.cache.window(cascade).min, config.depthNear - cache::kNearestDepth * range, range,
-            sun.cache.drawn(cascade), sun.space.lightFromWorld};
+    CHECK(size_t(which) < impl_->suns.size());
+    return viewOf(*impl_->suns[size_t(which)], cascade);
 }
 
 int ShadowSystem::cascades() const { return static_cast<int>(impl_->cascades.size()); }
@@ -441,44 +371,11 @@ const ShadowConfig& ShadowSystem::config() const { return impl_->config; }
 
 Result<std::vector<float>> ShadowSystem::readMap(int cascade, gpu::MapKind kind, SunMaps which) {
     CHECK(size_t(which) < impl_->suns.size());
-    return impl_->maps->read(impl_->slot(*impl_->suns[size_t(which)], cascade), kind);
+    return impl_->maps->read(int(impl_->suns[size_t(which)]->cache.map(cascade)), kind);
 }
 
 Result<std::vector<PointAnswer>> ShadowSystem::lookup(std::span<const glm::dvec3> points, const LookupBias& bias) {
-    Impl& s = *impl_;
-    std::vector<PointAnswer> answers(points.size());
-    const Sun& sun = s.shown();
-    for (int c = 0; c < cascades(); ++c) {
-        if (!sun.cache.drawn(c)) continue;
-        const cache::Lattice& lattice = sun.cache.lattice(c);
-        const cache::TexelRect window = sun.cache.window(c);
-        const CascadeView map = view(c);
-        std::vector<float> depths;  // read only if a point asks for it
-        std::vector<uint8_t> states;
-        for (size_t i = 0; i < points.size(); ++i) {
-            if (answers[i].cascade >= 0) continue;
-            const glm::dvec3 p = sun.space.toLight(points[i]);
-            if (!(glm::length(p) <= kFarthestPoint)) continue;
-            const cache::Texel texel = lattice.texelAt(glm::dvec2(p));
-            if (!window.contains({texel, texel + int64_t(1)})) continue;
-            if (depths.empty()) {
-                auto read = readMap(c, gpu::MapKind::kWorking);
-                if (!read) return read.error();
-                depths = std::move(read.value());
-                states = s.states(sun, c, gpu::MapKind::kWorking);
-            }
-            const cache::Texel slot = lattice.slot(texel);
-            const auto at = size_t(slot.y * lattice.side + slot.x);
-            if (depths[at] == cache::kUnknownDepth) {  // the next coarser cascade may know
-                answers[i].fell = true;
-                continue;
-            }
-            const double caster = map.depthNear + map.depthRange * double(depths[at]);
-            const bool shadowed = depths[at] < cache::kEmptyDepth && caster + bias.texels * lattice.texel + bias.metres < p.z;
-            answers[i] = {shadowed ? Light::kShadowed : Light::kLit, int8_t(c), answers[i].fell, states[at] == kStaleTexel};
-        }
-    }
-    return answers;
+    return server::lookup(*impl_->maps, impl_->shown(), points, bias);
 }
 
 Result<uint64_t> ShadowSystem::mapHash(int cascade, gpu::MapKind kind) {
@@ -496,7 +393,7 @@ const world::MeshLevel& ShadowSystem::geometry(cache::GeometryId id) const { ret
 
 std::span<const cache::StoreRect> ShadowSystem::clearedRects(int cascade) const {
     CHECK(impl_->planned);
-    return impl_->plan.cascades[size_t(impl_->slot(impl_->shown(), cascade))].clears;
+    return impl_->plan.cascades[impl_->shown().cache.map(cascade)].clears;
 }
 
 }  // namespace server

@@ -15,7 +15,9 @@
 #include "gpu/shadow_maps.h"
 #include "server/lookup.h"
 #include "server/resident_scene.h"
+#include "server/sun.h"
 #include "server/sun_motion.h"
+#include "server/verification.h"
 #include "world/mesh.h"
 #include "world/result.h"
 #include "world/store.h"
@@ -81,7 +83,7 @@ struct StageTimes {
     double occlusionMs = 0;  ///< certificates
     double setsMs = 0;       ///< moved objects, static and active sets
     double planMs = 0;       ///< queries, plan
-    double recordMs = 0;     ///< filling buffers, recording commands
+    double recordMs = 0;     ///< filling buffers, recording commands; 0 until the frame is finished
 };
 
 struct FrameReport {
@@ -98,39 +100,14 @@ struct FrameReport {
     cache::Limits limits;        ///< that the frame had to keep
     SunReport sun;
     StageTimes cpu;
-    gpu::GpuTimes gpu;
+    bool submitted = false;  ///< anything was drawn; if not, nothing is submitted
+    gpu::Ticket ticket = 0;  ///< the GPU's number for the frame
+    gpu::GpuTimes gpu;       ///< empty until the frame is finished
     std::vector<world::Error> errors;  ///< per item; the frame went on without it
 };
 
 /// What drawing every cascade whole would cost in the current state, without drawing: static part.
 using RedrawCosts = std::vector<cache::Cost>;
-
-/// A texel that differs from the map drawn from scratch.
-struct Difference {
-    int cascade = 0;
-    gpu::MapKind map = gpu::MapKind::kCache;
-    cache::Texel texel{0};  ///< on the lattice
-    float cached = 0, redrawn = 0;
-    std::vector<std::string> casters;  ///< those whose bounds cover the texel, at most 8
-};
-
-struct VerifyReport {
-    uint64_t texels = 0;     ///< compared with the redraw, or with the mark of an unknown texel
-    uint64_t stale = 0;      ///< left out: owed by the cache map, or by the working map of a sleeper
-    uint64_t differing = 0;  ///< 0, or the cache is broken
-    std::vector<Difference> first;  ///< at most 8
-    gpu::GpuTimes redraw;    ///< cost of drawing everything from scratch: the static and active part
-};
-
-/// One cascade's committed state, to be used with its maps and nothing else.
-struct CascadeView {
-    double texel = 0;    ///< edge of a texel [m]
-    double split = 0;    ///< distance from the eye that this cascade serves [m]
-    cache::Texel window{0};  ///< low corner of the window; texel (i, j) is stored at (i mod side, j mod side)
-    double depthNear = 0, depthRange = 0;  ///< z of a caster [m] = depthNear + stored depth * depthRange
-    bool drawn = false;  ///< false: the maps hold nothing yet, the cascade has slept from the start
-    glm::dmat3 lightFromWorld{1};
-};
 
 /// Which maps, while the sun steps.
 enum class SunMaps : uint8_t {
@@ -165,9 +142,14 @@ public:
     /// Where the world has it.
     const world::Placement& restPlacement(ObjectId object) const;
 
-    /// Advances everything by one frame. Errors of single items are in the report; an Error means
-    /// that the frame could not be drawn at all.
+    /// Advances everything by one frame and hands its drawing to the GPU, in one submission. Does not wait for
+    /// it, but where two frames are under way already, for the older one. Views and windows are those of this
+    /// frame at once; whatever reads maps waits for them by itself. Errors of single items are in the
+    /// report; an Error means that the frame could not be drawn at all.
     world::Result<FrameReport> advance(const FrameInput& input);
+    /// Waits for a frame's drawing and fills in what it took. May be left out. kUsage for a frame that is 64 or
+    /// more submissions old; kDevice where drawing failed: then the next frame draws everything anew.
+    world::Result<world::Done> finish(FrameReport& report);
 
     /// Cost of a whole redraw of the static part, by count alone.
     RedrawCosts redrawCosts() const;

@@ -42,6 +42,8 @@ struct Player {
             time, {.position = pose.position, .orientation = pose.orientation}, updates};
         const auto start = std::chrono::steady_clock::now();
         auto report = system->advance(input);
+        if (report)
+            if (const auto finished = system->finish(report.value()); !finished) return finished.error();
         const auto end = std::chrono::steady_clock::now();
         if (wholeMs) *wholeMs = std::chrono::duration<double, std::milli>(end - start).count();
         if (report && !report.value().errors.empty()) return report.value().errors.front();
@@ -69,7 +71,7 @@ void add(MotionCost& cost, const server::FrameReport& report) {
     cost.stages.planMs += report.cpu.planMs;
     cost.stages.recordMs += report.cpu.recordMs;
     cost.gpuMs += report.gpu.wallMs;
-    cost.submissions += report.gpu.submitted ? 1 : 0;
+    cost.submissions += report.submitted ? 1 : 0;
 }
 
 }  // namespace

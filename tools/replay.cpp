@@ -59,6 +59,8 @@ world::Result<ReplayFrame> step(server::ShadowSystem& system, const ReplayInput&
     if (movers) frameInput.objects = movers->at(pose.time);
     const auto start = std::chrono::steady_clock::now();
     auto report = system.advance(frameInput);
+    if (report)
+        if (const auto finished = system.finish(report.value()); !finished) return finished.error();
     frame.advanceMs =
         std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
     if (!report) return report.error();

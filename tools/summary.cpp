@@ -146,7 +146,7 @@ void Summary::add(const ReplayFrame& frame) {
     ++frames;
     lastTime = report.time;
     for (size_t c = 0; c < cascades.size(); ++c) addCascade(cascades[c], frame, c);
-    idleFrames += report.gpu.submitted ? 0 : 1;
+    idleFrames += report.submitted ? 0 : 1;
     chunkArrivals += report.chunkArrivals;
     chunkDepartures += report.chunkDepartures;
     arrivalFrames += report.chunkArrivals > 0 ? 1 : 0;

@@ -208,10 +208,10 @@ TEST(ShadowSystem, OcclusionChangesNoTexel) {
 TEST(ShadowSystem, NothingMovingSubmitsNothing) {
     const auto system = make(nearWorld(), small());
     const server::FrameInput input{0, {glm::dvec3(3, 2, 1), {1, 0, 0, 0}}, {}};
-    ASSERT_TRUE(system->advance(input).value().gpu.submitted);
+    ASSERT_TRUE(system->advance(input).value().submitted);
     for (int frame = 1; frame < 5; ++frame) {
         const FrameReport report = system->advance({frame / 30.0, input.camera, {}}).value();
-        EXPECT_FALSE(report.gpu.submitted);
+        EXPECT_FALSE(report.submitted);
         EXPECT_EQ(report.bytesUploaded, 0u);
         for (const auto& c : report.cascades) EXPECT_EQ(c.total, cache::Cost{});
     }
@@ -267,6 +267,30 @@ TEST(ShadowSystem, RefusesWhatCannotWork) {
 
 /// Plans and geometry as the system hands them out, drawn by somebody else: chunks come and go on the
 /// way, and with them the numbers of their geometry.
+TEST(ShadowSystem, FramesOverlapWithoutADifference) {
+    const auto waits = make(nearWorld(), small()), overlaps = make(nearWorld(), small());
+    Walk first(*waits, glm::dvec3(0)), second(*overlaps, glm::dvec3(0));
+    std::vector<FrameReport> reports;
+    for (int frame = 0; frame < 80; ++frame) {
+        FrameReport report = first.step();
+        ASSERT_TRUE(waits->finish(report));
+        EXPECT_EQ(report.gpu.submitted, report.submitted);
+        reports.push_back(second.step());
+        ASSERT_EQ(report.planHash, reports.back().planHash) << "frame " << frame;
+        EXPECT_EQ(reports.back().gpu.wallMs, 0) << "nobody waited";
+    }
+    for (int c = 0; c < waits->cascades(); ++c)
+        ASSERT_EQ(waits->mapHash(c, gpu::MapKind::kWorking).value(), overlaps->mapHash(c, gpu::MapKind::kWorking).value());
+    EXPECT_EQ(overlaps->verify().value().differing, 0u);
+    ASSERT_TRUE(overlaps->finish(reports[70])) << "some frames late";
+    EXPECT_GT(reports[70].gpu.wallMs, 0);
+    const auto tooLate = overlaps->finish(reports[0]);
+    ASSERT_FALSE(tooLate);
+    EXPECT_EQ(tooLate.error().code, world::ErrorCode::kUsage);
+    EXPECT_NE(tooLate.error().what.find("frame 0"), std::string::npos);
+    tests::expectSilence();
+}
+
 TEST(ShadowSystem, PlansCanBeDrawnElsewhere) {
     ShadowConfig config = small();
     config.timestamps = false;
@@ -279,7 +303,8 @@ TEST(ShadowSystem, PlansCanBeDrawnElsewhere) {
     Walk walk(*system, glm::dvec3(0));
     uint64_t departures = 0;
     for (int frame = 0; frame < 90; ++frame) {
-        const FrameReport report = walk.step();
+        FrameReport report = walk.step();
+        ASSERT_TRUE(system->finish(report));
         departures += report.chunkDepartures;
         for (const gpu::CascadeTimes& times : report.gpu.cascades) ASSERT_EQ(times.staticMs + times.activeMs, 0);
         const auto prepared = floor.value()->prepare(

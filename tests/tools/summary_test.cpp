@@ -40,7 +40,7 @@ TEST(Summary, IsTheSumOfItsFrames) {
     for (const tools::ReplayFrame& f : list) {
         arrivals += f.report.chunkArrivals;
         verified += f.verify ? 1 : 0;
-        idle += f.report.gpu.submitted ? 0 : 1;
+        idle += f.report.submitted ? 0 : 1;
     }
     EXPECT_EQ(document["frames"], 40);
     EXPECT_EQ(document["first_frame"], 100);

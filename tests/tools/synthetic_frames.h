@@ -40,7 +40,7 @@ inline tools::ReplayFrame randomFrame(std::mt19937& rng, std::mt19937& noise, ui
     frame.number = number;
     frame.report.frame = number;
     frame.report.time = static_cast<double>(number) / 30;
-    frame.report.gpu.submitted = rng() % 4 != 0;
+    frame.report.submitted = rng() % 4 != 0;
     frame.report.chunkArrivals = rng() % 5;
     frame.report.chunkDepartures = rng() % 5;
     frame.report.bytesRead = rng();
@@ -54,7 +54,7 @@ inline tools::ReplayFrame randomFrame(std::mt19937& rng, std::mt19937& noise, ui
     for (int c = 0; c < cascades; ++c) {
         frame.report.cascades.push_back(randomCascade(rng));
         frame.redraw.push_back(randomCost(rng));
-        if (frame.report.gpu.submitted) frame.report.gpu.cascades.push_back({ms(noise), ms(noise)});
+        if (frame.report.submitted) frame.report.gpu.cascades.push_back({ms(noise), ms(noise)});
         if (!verified) continue;
         frame.hashes.push_back({rng(), rng()});
         frame.verify->redraw.cascades.push_back({ms(noise), ms(noise)});

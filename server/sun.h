@@ -1,0 +1,43 @@
+// server/sun.h — one direction of the sun: its light space, its cache, and what its maps mean.
+#pragma once
+
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <vector>
+
+#include "cache/shadow_cache.h"
+#include "culling/light_space.h"
+#include "gpu/shadow_maps.h"
+
+namespace server {
+
+/// One direction of the sun and what its maps hold.
+struct Sun {
+    culling::LightSpace space;
+    cache::ShadowCache cache;
+    cache::Cause begin = cache::Cause::kStart;  ///< of its first drawing
+};
+
+/// One cascade's committed state, to be used with its maps and nothing else.
+struct CascadeView {
+    double texel = 0;    ///< edge of a texel [m]
+    double split = 0;    ///< distance from the eye that this cascade serves [m]
+    cache::Texel window{0};  ///< low corner of the window; texel (i, j) is stored at (i mod side, j mod side)
+    double depthNear = 0, depthRange = 0;  ///< z of a caster [m] = depthNear + stored depth * depthRange
+    bool drawn = false;  ///< false: the maps hold nothing yet, the cascade has slept from the start
+    glm::dmat3 lightFromWorld{1};
+};
+
+CascadeView viewOf(const Sun& sun, int cascade);
+
+/// What a texel of a stored map is worth.
+enum class TexelState : uint8_t {
+    kValid,
+    kStale,    ///< it may be older than the world
+    kUnknown,  ///< nothing was drawn there yet
+};
+
+/// Per texel of a cascade's cache or working map, in stored order.
+std::vector<TexelState> texelStates(const Sun& sun, int cascade, gpu::MapKind map);
+
+}  // namespace server
