@@ -45,6 +45,7 @@ struct DrawPass {
 /// rectangles of the cache map over the working map; draw active passes into the working map. All
 /// lists empty: nothing is submitted for the cascade.
 struct CascadePlan {
+    int cascade = 0;  ///< whose maps they are in this frame; for accounts, not for drawing
     std::vector<StoreRect> unknowns;
     std::vector<StoreRect> clears;
     std::vector<DrawPass> staticPasses;

@@ -20,9 +20,9 @@ void splitAtWrap(const Lattice& lattice, const TexelRect& rect, std::vector<Piec
     }
 }
 
-PlanWriter::PlanWriter(const Scene& scene, const CacheConfig& config, int cascade, const Lattice& lattice,
+PlanWriter::PlanWriter(const Scene& scene, const DepthRange& depth, int cascade, const Lattice& lattice,
                        FramePlan& plan)
-    : scene_(scene), config_(config), cascade_(cascade), lattice_(lattice), plan_(plan) {}
+    : scene_(scene), depth_(depth), cascade_(cascade), lattice_(lattice), plan_(plan) {}
 
 bool PlanWriter::begin(const Piece& piece, world::CasterId caster) {
     const culling::LightCaster& light = scene_.light[caster];
@@ -73,8 +73,8 @@ void PlanWriter::add(uint32_t cluster) {
             for (int k = 0; k < 3; ++k) rows[axis][k] = static_cast<float>(light.lightFromMesh[k][axis] * scale);
             rows[axis][3] = static_cast<float>(shift);
         }
-        for (int k = 0; k < 3; ++k) rows[2][k] = static_cast<float>(light.lightFromMesh[k][2] / config_.depthRange);
-        rows[2][3] = static_cast<float>((light.origin.z - config_.depthNear) / config_.depthRange);
+        for (int k = 0; k < 3; ++k) rows[2][k] = static_cast<float>(light.lightFromMesh[k][2] / depth_.length);
+        rows[2][3] = static_cast<float>((light.origin.z - depth_.near) / depth_.length);
         plan_.transforms.push_back(rows);
         placed_ = true;
         ++counts_.cost.casters;

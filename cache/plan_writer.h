@@ -24,7 +24,7 @@ void splitAtWrap(const Lattice& lattice, const TexelRect& rect, std::vector<Piec
 /// Writes the draws of one cascade. Counts what it writes.
 class PlanWriter {
 public:
-    PlanWriter(const Scene& scene, const CacheConfig& config, int cascade, const Lattice& lattice, FramePlan& plan);
+    PlanWriter(const Scene& scene, const DepthRange& depth, int cascade, const Lattice& lattice, FramePlan& plan);
 
     struct Counts {
         Cost cost;  ///< texels stay 0
@@ -48,7 +48,7 @@ private:
     bool begin(const Piece& piece, world::CasterId caster);
     void add(uint32_t cluster);
     const Scene& scene_;
-    const CacheConfig& config_;
+    const DepthRange depth_;
     const int cascade_;
     const Lattice& lattice_;
     FramePlan& plan_;

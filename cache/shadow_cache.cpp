@@ -23,6 +23,8 @@ TexelRect footprint(const Lattice& lattice, const culling::LightCaster& caster, 
 
 /// A block no longer than this [texels] is not cut further to fit a limit.
 constexpr int64_t kSmallestBlock = 4;
+/// Over so many frames the maps of a cascade's next range of depths are filled.
+constexpr uint64_t kRebaseFrames = 60;
 
 /// Static casters over a region of the lattice, with the texel of room that drawing leaves.
 void staticsOver(const Scene& scene, const Lattice& lattice, const TexelRect& rect,
@@ -54,7 +56,7 @@ void writeWorking(const Scene& scene, const Lattice& lattice, std::span<const Te
 /// Where static casters left: for each cause, merged where that is cheaper.
 void departed(const Lattice& lattice, const TexelRect& window, const Events& events, auto add) {
     RectSet rects;
-    for (Cause cause : {Cause::kDeparture, Cause::kDemotion}) {
+    for (Cause cause : {Cause::kDeparture, Cause::kDemotion, Cause::kLevel}) {
         rects.clear();
         for (const Departure& d : events.departures)
             if (d.cause == cause) rects.add(intersection(footprint(lattice, d.bounds), window));
@@ -66,7 +68,7 @@ void departed(const Lattice& lattice, const TexelRect& window, const Events& eve
 void arrived(const Scene& scene, const Lattice& lattice, int cascade, const TexelRect& window, const Events& events,
              auto add) {
     RectSet rects;
-    for (Cause cause : {Cause::kArrival, Cause::kPromotion}) {
+    for (Cause cause : {Cause::kLevel, Cause::kArrival, Cause::kPromotion}) {
         rects.clear();
         for (const Arrival& a : events.arrivals) {
             if (a.cause != cause) continue;
@@ -88,18 +90,24 @@ void arrived(const Scene& scene, const Lattice& lattice, int cascade, const Texe
 /// One frame being planned.
 class ShadowCache::Frame {
 public:
-    Frame(ShadowCache& cache, const Scene& scene, const Events& events, const Demand& demand, FramePlan& plan,
-          std::vector<CascadeStatistics>& statistics);
+    /// A state and the cascade that it is one of.
+    struct Target {
+        State* state;
+        int cascade;
+    };
+    Frame(const ShadowCache& cache, std::span<const Target> targets, const Scene& scene, const Events& events,
+          const Demand& demand, FramePlan& plan, std::span<CascadeStatistics> statistics);
     void run();
 
 private:
     struct Cascade {
+        State& state;
+        int number;
         TexelRect before;           ///< window of the frame before
         Texel eye{0};
         RectSet drawn, forgotten;   ///< of the cache map: what the working map must follow
-        PlanWriter writer;
     };
-    CascadePlan& maps(size_t cascade) { return plan_.cascades[cache_.config_.firstMap + cascade]; }
+    CascadePlan& maps(size_t c) { return plan_.cascades[cache_.config_.firstMap + cascades_[c].state.map]; }
     void sleep(size_t cascade);
     void collect(size_t cascade);
     void drawAll();
@@ -110,33 +118,34 @@ private:
     void forgetDepths(size_t cascade, const TexelRect& rect);
     void count(size_t cascade);
 
-    ShadowCache& cache_;
+    const ShadowCache& cache_;
     const Scene& scene_;
     const Events& events_;
     const Demand& demand_;
     FramePlan& plan_;
-    std::vector<CascadeStatistics>& statistics_;
-    std::vector<Cascade> cascades_;
+    std::span<CascadeStatistics> statistics_;  ///< one per target
+    std::vector<Cascade> cascades_;            ///< likewise; all indices are into these
     std::vector<Work> work_;
     std::vector<world::CasterId> arrivals_, casters_;
     std::vector<Piece> pieces_;
     Cost drawn_;  ///< so far, where there are limits
 };
 
-ShadowCache::Frame::Frame(ShadowCache& cache, const Scene& scene, const Events& events, const Demand& demand,
-                          FramePlan& plan, std::vector<CascadeStatistics>& statistics)
+ShadowCache::Frame::Frame(const ShadowCache& cache, std::span<const Target> targets, const Scene& scene,
+                          const Events& events, const Demand& demand, FramePlan& plan,
+                          std::span<CascadeStatistics> statistics)
     : cache_(cache), scene_(scene), events_(events), demand_(demand), plan_(plan), statistics_(statistics) {
     for (const Arrival& a : events.arrivals) arrivals_.push_back(a.caster);
-    for (size_t c = 0; c < cache.states_.size(); ++c) {
-        const State& state = cache.states_[c];
-        cascades_.push_back({state.window, state.lattice.texelAt(demand.eye), RectSet(), RectSet(),
-                             PlanWriter(scene, cache.config_, int(c), state.lattice, plan)});
+    for (const auto& [state, number] : targets) {
+        if (!state->drawn) state->depth = state->anchor.at(demand.eye.z);
+        cascades_.push_back({*state, number, state->window, state->lattice.texelAt(glm::dvec2(demand.eye)), RectSet(),
+                             RectSet()});
     }
 }
 
 /// Notes what happens under a window that nobody looks at.
 void ShadowCache::Frame::sleep(size_t c) {
-    State& state = cache_.states_[c];
+    State& state = cascades_[c].state;
     CascadeStatistics& s = statistics_[c];
     s.asleep = true;
     s.window = state.window.min;
@@ -145,7 +154,7 @@ void ShadowCache::Frame::sleep(size_t c) {
         state.owed.add({rect, cause, Owes::kStale, cache_.frame_});
     };
     if (cache_.config_.sabotage != Sabotage::kDeafDeparture) departed(state.lattice, state.window, events_, owe);
-    arrived(scene_, state.lattice, int(c), state.window, events_, owe);
+    arrived(scene_, state.lattice, cascades_[c].number, state.window, events_, owe);
     state.owed.compactStale();  // a cascade may sleep for long; nothing becomes unknown meanwhile
     if (cache_.config_.sabotage != Sabotage::kSleptMotion)
         for (const world::Box& box : events_.activeDirt)
@@ -154,9 +163,10 @@ void ShadowCache::Frame::sleep(size_t c) {
 
 /// Moves the window and lists what is to be drawn in it, the oldest debts first.
 void ShadowCache::Frame::collect(size_t c) {
-    State& state = cache_.states_[c];
+    State& state = cascades_[c].state;
     CascadeStatistics& s = statistics_[c];
-    const TexelRect window = cache_.windowAround(int(c), demand_.eye), before = state.window;
+    const glm::dvec2 eye(demand_.eye);
+    const TexelRect window = state.lattice.window(state.lattice.windowAt(eye)), before = state.window;
     const bool held = state.drawn;
     if (held) s.move = window.min - before.min;
     state.window = window;
@@ -165,10 +175,14 @@ void ShadowCache::Frame::collect(size_t c) {
 
     const auto add = [&](const OwedRegion& region, bool clear) { work_.push_back({int(c), region, clear}); };
     const uint64_t now = cache_.frame_;
-    if (!held || isJump(before.min, window.min, state.lattice.side)) {
+    const bool jumps = isJump(before.min, window.min, state.lattice.side);
+    const bool leaves = !state.anchor.holds(state.depth, demand_.eye.z);
+    if (jumps || leaves) state.depth = state.anchor.at(demand_.eye.z);
+    if (!held || jumps || (leaves && cache_.config_.sabotage != Sabotage::kKeptDepths)) {
         state.owed.clear();
         state.slept.clear();
-        add({window, held ? Cause::kJump : demand_.begin, Owes::kUnknown, now}, true);
+        const Cause cause = !held ? demand_.begin : leaves ? Cause::kRebase : Cause::kJump;
+        add({window, cause, Owes::kUnknown, now}, true);
         return;
     }
     state.owed.clip(window);
@@ -193,13 +207,13 @@ void ShadowCache::Frame::collect(size_t c) {
     if (cache_.config_.sabotage != Sabotage::kDeafDeparture)
         departed(state.lattice, window, events_,
                  [&](const TexelRect& r, Cause cause) { cover(r, cause, Owes::kStale, true); });
-    arrived(scene_, state.lattice, int(c), window, events_,
+    arrived(scene_, state.lattice, cascades_[c].number, window, events_,
             [&](const TexelRect& r, Cause cause) { cover(r, cause, Owes::kStale, false); });
     state.owed.clear();  // all of it is in the list now; what is left undone comes back
 }
 
 PlanWriter::Counts ShadowCache::Frame::write(const Work& work) {
-    const State& state = cache_.states_[size_t(work.cascade)];
+    const State& state = cascades_[size_t(work.cascade)].state;
     const TexelRect& rect = work.region.rect;
     CascadePlan& cascade = maps(size_t(work.cascade));
     pieces_.clear();
@@ -213,12 +227,13 @@ PlanWriter::Counts ShadowCache::Frame::write(const Work& work) {
             });
     }
     PlanWriter::Counts counts;
+    PlanWriter writer(scene_, state.depth, cascades_[size_t(work.cascade)].number, state.lattice, plan_);
     for (const Piece& piece : pieces_) {
         counts.cost.texels += static_cast<uint64_t>(piece.rect.area());
         if (work.clear) cascade.clears.push_back(piece.store);
         // Whatever is new in a region that keeps its texels is drawn under their one cause.
-        counts += cascades_[size_t(work.cascade)].writer.draw(piece, work.clear ? casters_ : arrivals_,
-                                                              scene_.occlusion != nullptr, cascade.staticPasses);
+        counts += writer.draw(piece, work.clear ? casters_ : arrivals_, scene_.occlusion != nullptr,
+                              cascade.staticPasses);
     }
     return counts;
 }
@@ -235,7 +250,7 @@ void ShadowCache::Frame::drawAll() {
 void ShadowCache::Frame::forgetDepths(size_t c, const TexelRect& rect) {
     if (rect.empty()) return;
     pieces_.clear();
-    splitAtWrap(cache_.states_[c].lattice, rect, pieces_);
+    splitAtWrap(cascades_[c].state.lattice, rect, pieces_);
     CascadePlan& cascade = maps(c);
     for (const Piece& piece : pieces_)
         (cache_.config_.sabotage == Sabotage::kUnknownAsEmpty ? cascade.clears : cascade.unknowns).push_back(piece.store);
@@ -247,7 +262,7 @@ void ShadowCache::Frame::owe(const Work& work, const TexelRect& rect) {
     region.rect = rect;
     const auto c = size_t(work.cascade);
     if (region.owes == Owes::kUnknown && region.since == cache_.frame_) forgetDepths(c, rect);
-    if (cache_.config_.sabotage != Sabotage::kForgottenDebt) cache_.states_[c].owed.add(region);
+    if (cache_.config_.sabotage != Sabotage::kForgottenDebt) cascades_[c].state.owed.add(region);
 }
 
 /// Draws as much of a region as the limits leave room for, and owes the rest. False when they are used up.
@@ -273,15 +288,13 @@ bool ShadowCache::Frame::take(Work work, Limits& left) {
         const size_t transforms = plan_.transforms.size(), items = plan_.items.size();
         const size_t clears = cascade.clears.size(), passes = cascade.staticPasses.size();
         const PlanWriter::Counts counts = write(work);
-        // A single smallest block may exceed the limit by itself: drawn alone, or it never would be.
         const Texel size = work.region.rect.max - work.region.rect.min;
         const bool smallest = std::max(size.x, size.y) <= kSmallestBlock;
-        if (counts.cost.triangles <= left.triangles || (smallest && drawn_.texels == 0)) {
+        if (counts.cost.triangles <= left.triangles || (smallest && left.untouched)) {
             tally(s, s.byCause[size_t(work.region.cause)], counts);
             cascades_[c].drawn.addExactly(work.region.rect);
             drawn_ += counts.cost;
-            if (left.texels != Limits::kNone) left.texels -= counts.cost.texels;
-            if (left.triangles != Limits::kNone) left.triangles -= std::min(left.triangles, counts.cost.triangles);
+            left = left.less(counts.cost);
             continue;
         }
         plan_.transforms.resize(transforms);
@@ -315,17 +328,13 @@ void ShadowCache::Frame::drawWithin(Limits limits) {
     work_.erase(work_.begin(), late);
     oldestFirst(waited, eyes);
     const auto half = [](uint64_t limit) { return limit == Limits::kNone ? limit : limit - limit / 2; };
-    Limits forLate{half(limits.texels), half(limits.triangles)};
+    Limits forLate{half(limits.texels), half(limits.triangles), limits.untouched};
     bool more = true;
     for (const Work& w : waited) {
         if (more) more = take(w, forLate);
         else work_.push_back(w);
     }
-    const auto spend = [](uint64_t& limit, uint64_t spent) {
-        if (limit != Limits::kNone) limit -= std::min(limit, spent);
-    };
-    spend(limits.texels, drawn_.texels);
-    spend(limits.triangles, drawn_.triangles);
+    limits = limits.less(drawn_);
     nearestFirst(work_, eyes);
     more = true;
     for (const Work& w : work_) {
@@ -337,7 +346,7 @@ void ShadowCache::Frame::drawWithin(Limits limits) {
 /// Counts the static part on its own, from what was written.
 void ShadowCache::Frame::count(size_t c) {
     const CascadePlan& cascade = maps(c);
-    const State& state = cache_.states_[c];
+    const State& state = cascades_[c].state;
     CascadeStatistics& s = statistics_[c];
     s.total.texels = static_cast<uint64_t>(cascades_[c].drawn.area());
     for (const DrawPass& pass : cascade.staticPasses) {
@@ -355,14 +364,15 @@ void ShadowCache::Frame::count(size_t c) {
 
 void ShadowCache::Frame::run() {
     for (size_t c = 0; c < cascades_.size(); ++c) {
-        if (demand_.asleep >> c & 1) sleep(c);
+        maps(c).cascade = cascades_[c].number;
+        if (demand_.asleep >> cascades_[c].number & 1) sleep(c);
         else collect(c);
     }
     if (demand_.limits.limited()) drawWithin(demand_.limits);
     else drawAll();
     for (size_t c = 0; c < cascades_.size(); ++c) {
-        State& state = cache_.states_[c];
         Cascade& cascade = cascades_[c];
+        State& state = cascade.state;
         count(c);
         if (statistics_[c].asleep) continue;
         RectSet dirt = cascade.drawn;
@@ -371,18 +381,21 @@ void ShadowCache::Frame::run() {
         state.slept.clear();
         for (const world::Box& box : events_.activeDirt)
             dirt.add(intersection(footprint(state.lattice, box), state.window));
-        writeWorking(scene_, state.lattice, dirt.rects(), cascade.writer, maps(c), statistics_[c]);
+        PlanWriter writer(scene_, state.depth, cascade.number, state.lattice, plan_);
+        writeWorking(scene_, state.lattice, dirt.rects(), writer, maps(c), statistics_[c]);
     }
 }
 
-ShadowCache::ShadowCache(std::vector<culling::Cascade> cascades, const CacheConfig& config) : config_(config) {
-    CHECK(config.guardBand >= 1);
-    for (const culling::Cascade& c : cascades) {
-        State state;
-        state.lattice = {c.texel, config.side, config.guardBand};
-        state.split = c.split;
-        states_.push_back(std::move(state));
-    }
+ShadowCache::State::State(const culling::Cascade& cascade, const CacheConfig& config, size_t place)
+    : lattice{cascade.texel, config.side, config.guardBand},
+      split(cascade.split),
+      anchor(cascade, config.scene, config.depthSteps),
+      map(place) {}
+
+ShadowCache::ShadowCache(const std::vector<culling::Cascade>& cascades, const CacheConfig& config)
+    : spare_(cascades.size()), config_(config) {
+    CHECK(config.guardBand >= 1 && config.scene.length > 0 && config.depthSteps > 0);
+    for (const culling::Cascade& c : cascades) states_.emplace_back(c, config, states_.size());
 }
 
 TexelRect ShadowCache::windowAround(int cascade, glm::dvec2 eye) const {
@@ -390,8 +403,13 @@ TexelRect ShadowCache::windowAround(int cascade, glm::dvec2 eye) const {
     return lattice.window(lattice.windowAt(eye));
 }
 
+bool ShadowCache::complete() const {
+    return std::all_of(states_.begin(), states_.end(), [](const State& s) { return s.complete(); });
+}
+
 void ShadowCache::forget() {
     for (State& state : states_) state.drawn = false;
+    rebase_.reset();
 }
 
 uint64_t ShadowCache::ageBound(uint64_t texels) const {
@@ -403,23 +421,63 @@ uint64_t ShadowCache::ageBound(uint64_t texels) const {
 
 void ShadowCache::plan(const Scene& scene, const Events& events, const Demand& demand, FramePlan& plan,
                        std::vector<CascadeStatistics>& statistics) {
-    CHECK(plan.cascades.size() >= config_.firstMap + states_.size());
+    CHECK(plan.cascades.size() >= config_.firstMap + maps());
     statistics.assign(states_.size(), {});
     ++frame_;
-    Frame(*this, scene, events, demand, plan, statistics).run();
+    std::vector<Frame::Target> all;
+    for (State& state : states_) all.push_back({&state, int(all.size())});
+    Frame(*this, all, scene, events, demand, plan, statistics).run();
+    if (config_.spareMap) rebase(scene, events, demand, plan, statistics);
+}
+
+/// Fills the spare maps for a cascade whose range wears out, and hands them over once they are whole.
+void ShadowCache::rebase(const Scene& scene, const Events& events, const Demand& demand, FramePlan& plan,
+                         std::vector<CascadeStatistics>& statistics) {
+    const auto wearsOut = [&](const State& s) { return s.drawn && s.anchor.wearsOut(s.depth, demand.eye.z); };
+    if (rebase_) {
+        const State& next = rebase_->next;
+        if (!wearsOut(states_[size_t(rebase_->cascade)]) || !next.anchor.holds(next.depth, demand.eye.z)) rebase_.reset();
+    }
+    for (size_t c = 0; c < states_.size() && !rebase_; ++c) {
+        if ((demand.asleep >> c & 1) || !wearsOut(states_[c])) continue;
+        rebase_ = Rebase{int(c), states_[c]};
+        rebase_->next.map = spare_;
+        rebase_->next.drawn = false;
+    }
+    if (!rebase_) return;
+    Demand share = demand;
+    share.begin = Cause::kRebase;
+    share.asleep = 0;
+    Cost spent;
+    for (const CascadeStatistics& s : statistics) spent += s.total;
+    share.limits = demand.limits.less(spent);
+    // What the shown maps needed keeps the next ones up with the world; the rest fills them.
+    const size_t c = size_t(rebase_->cascade);
+    const auto texels = static_cast<uint64_t>(config_.side) * static_cast<uint64_t>(config_.side);
+    share.limits.texels =
+        std::min(share.limits.texels, statistics[c].total.texels + (texels + kRebaseFrames - 1) / kRebaseFrames);
+    const Frame::Target target{&rebase_->next, rebase_->cascade};
+    CascadeStatistics more;
+    Frame(*this, std::span(&target, 1), scene, events, share, plan, std::span(&more, 1)).run();
+    statistics[c].addFor(Cause::kRebase, more);
+    if (!rebase_->next.complete()) return;
+    spare_ = states_[c].map;
+    states_[c] = std::move(rebase_->next);
+    rebase_.reset();
 }
 
 void ShadowCache::planRedraw(const Scene& scene, FramePlan& plan, std::vector<CascadeStatistics>& statistics) const {
-    CHECK(plan.cascades.size() >= config_.firstMap + states_.size());
+    CHECK(plan.cascades.size() >= config_.firstMap + maps());
     statistics.assign(states_.size(), {});
     std::vector<world::CasterId> casters;
     std::vector<Piece> pieces;
     for (size_t c = 0; c < states_.size(); ++c) {
         const State& state = states_[c];
         if (!state.drawn) continue;
-        CascadePlan& cascade = plan.cascades[config_.firstMap + c];
+        CascadePlan& cascade = plan.cascades[map(int(c))];
         CascadeStatistics& s = statistics[c];
-        PlanWriter writer(scene, config_, int(c), state.lattice, plan);
+        cascade.cascade = int(c);
+        PlanWriter writer(scene, state.depth, int(c), state.lattice, plan);
         s.window = state.window.min;
         pieces.clear();
         splitAtWrap(state.lattice, state.window, pieces);

@@ -6,9 +6,11 @@
 
 #include <cstdint>
 #include <glm/glm.hpp>
+#include <optional>
 #include <span>
 #include <vector>
 
+#include "cache/depth_range.h"
 #include "cache/frame_plan.h"
 #include "cache/lattice.h"
 #include "cache/owed.h"
@@ -32,14 +34,16 @@ enum class Sabotage : uint8_t {
     kUnknownAsEmpty,    ///< texels in which nothing was drawn yet say that nothing is there
     kMixedSuns,         ///< the maps of a new direction begin with what the old one left (done by the server)
     kSleptMotion,       ///< active casters that moved while a cascade slept leave their old texels behind
+    kKeptDepths,        ///< the range of depths moves and the texels keep what they hold
 };
 
 struct CacheConfig {
     int side = 1024;        ///< texels a side
     int guardBand = 1;      ///< windows move in steps of this many texels, >= 1
-    double depthNear = 0;   ///< light-space z of depth 0 [m]; nearer casters are clamped to it
-    double depthRange = 1;  ///< metres per unit of depth, > 0
-    size_t firstMap = 0;    ///< place of cascade 0's maps in a FramePlan; the others follow
+    DepthRange scene{};     ///< all that casts or receives
+    double depthSteps = 1 << 24;  ///< distinct depths of the maps' format, > 0
+    size_t firstMap = 0;    ///< place of the first of its maps in a FramePlan; the others follow
+    bool spareMap = false;  ///< one pair of maps more than cascades, to fill before a range of depths moves
     Sabotage sabotage = Sabotage::kNone;
 };
 
@@ -76,7 +80,7 @@ struct Events {
 
 /// What a frame is asked for.
 struct Demand {
-    glm::dvec2 eye{0};    ///< light-space x, y [m]
+    glm::dvec3 eye{0};    ///< light space [m]
     Cause begin = Cause::kStart;  ///< of drawing maps that hold nothing yet
     uint32_t asleep = 0;  ///< bit c: nothing that cascade c serves can be seen; its maps may wait
     Limits limits{};      ///< on what is drawn into the cache maps
@@ -89,9 +93,13 @@ struct Demand {
 /// valid after each plan. With limits the most urgent work is done first and the rest is owed: what the
 /// map never held is set to kUnknownDepth, what it held stays as it was. A cascade that sleeps keeps its
 /// window and touches nothing; what happened meanwhile is owed when it wakes.
+///
+/// Where a cascade's range of depths is shorter than the scene and wears out, the spare maps are filled with
+/// the next range, a share in each frame, and become the cascade's once they are whole. A range that is left
+/// before that is redrawn at once. Both have the cause kRebase.
 class ShadowCache {
 public:
-    ShadowCache(std::vector<culling::Cascade> cascades, const CacheConfig& config);
+    ShadowCache(const std::vector<culling::Cascade>& cascades, const CacheConfig& config);
 
     /// Window of each cascade around an eye [light-space x, y in metres], before any plan for it.
     TexelRect windowAround(int cascade, glm::dvec2 eye) const;
@@ -107,12 +115,16 @@ public:
     /// Changes nothing of its own.
     void planRedraw(const Scene& scene, FramePlan& plan, std::vector<CascadeStatistics>& statistics) const;
 
+    /// Every cascade is drawn and owes nothing.
+    bool complete() const;
     /// Forgets what the maps hold: the next plan draws everything.
     void forget();
 
     int cascades() const { return int(states_.size()); }
-    /// Place of the cascade's maps in a FramePlan.
-    size_t map(int cascade) const { return config_.firstMap + size_t(cascade); }
+    /// Place of the cascade's maps in a FramePlan; another one after a rebase.
+    size_t map(int cascade) const { return config_.firstMap + states_[size_t(cascade)].map; }
+    /// Of the maps, as drawn.
+    const DepthRange& depth(int cascade) const { return states_[size_t(cascade)].depth; }
     double split(int cascade) const { return states_[size_t(cascade)].split; }
     /// True once the maps hold a window.
     bool drawn(int cascade) const { return states_[size_t(cascade)].drawn; }
@@ -131,16 +143,30 @@ public:
 
 private:
     struct State {
+        State(const culling::Cascade& cascade, const CacheConfig& config, size_t map);
+        bool complete() const { return drawn && owed.empty(); }
         Lattice lattice;
-        double split = 0;  ///< [m]
+        double split;  ///< [m]
+        DepthAnchor anchor;
+        DepthRange depth;
+        size_t map;  ///< from config_.firstMap
         TexelRect window;
         bool drawn = false;  ///< the maps hold the window
         OwedSet owed;
         RectSet slept;
     };
+    struct Rebase {
+        int cascade = 0;
+        State next;
+    };
     class Frame;
+    void rebase(const Scene& scene, const Events& events, const Demand& demand, FramePlan& plan,
+                std::vector<CascadeStatistics>& statistics);
+    size_t maps() const { return states_.size() + (config_.spareMap ? 1 : 0); }
 
     std::vector<State> states_;
+    std::optional<Rebase> rebase_;  ///< under way
+    size_t spare_;                  ///< the pair of maps that no cascade has, from config_.firstMap
     CacheConfig config_;
     uint64_t frame_ = 0;
 };

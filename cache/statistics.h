@@ -13,17 +13,19 @@ namespace cache {
 enum class Cause : uint8_t {
     kStart,      ///< nothing was there yet
     kSun,        ///< the sun stepped: maps of its new direction begin
+    kRebase,     ///< the range of depths moved along the light
     kJump,       ///< the window moved by its width or more
     kScroll,     ///< a slab that the window's move exposed
     kDeparture,  ///< a static caster left with its chunk
     kDemotion,   ///< a static caster moved and became active
+    kLevel,      ///< a static caster is drawn in another level of detail
     kArrival,    ///< a static caster came with its chunk
     kPromotion,  ///< an active caster came to rest and became static
 };
 /// Height above its receiver of the caster by which a sun's lag is judged [m]: a house.
 constexpr double kSunHeight = 10;
 
-constexpr int kCauses = 8;
+constexpr int kCauses = 10;
 const char* toString(Cause cause);
 
 /// Cost of drawing. A caster or draw that several regions of a frame need counts once in each.
@@ -58,6 +60,17 @@ struct CascadeStatistics {
     uint64_t staleTexels = 0;     ///< of the cache map, likewise
     uint64_t oldestDebt = 0;      ///< frames that the longest owed of them has waited
     double sunError = 0;  ///< how far the sun's lag moves the shadow of what stands kSunHeight above [texels]
+
+    /// Adds what was drawn for this cascade into other maps than those shown, all of it for one cause.
+    void addFor(Cause cause, const CascadeStatistics& other) {
+        byCause[size_t(cause)] += other.total;
+        total += other.total;
+        active += other.active;
+        clustersFound += other.clustersFound;
+        clustersHidden += other.clustersHidden;
+        trianglesHidden += other.trianglesHidden;
+        castersDropped += other.castersDropped;
+    }
 };
 
 }  // namespace cache

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "cache/owed.h"
+#include "cache/statistics.h"
 #include "cache/texel_rect.h"
 
 namespace cache {
@@ -16,7 +17,14 @@ struct Limits {
     static constexpr uint64_t kNone = std::numeric_limits<uint64_t>::max();
     uint64_t texels = kNone;
     uint64_t triangles = kNone;
+    bool untouched = true;  ///< nothing was drawn yet: one smallest block may exceed `triangles`, or it never would be
     bool limited() const { return texels != kNone || triangles != kNone; }
+    /// What is left after spending `cost`: nothing, once either is used up.
+    Limits less(const Cost& cost) const {
+        if (cost.texels >= texels || cost.triangles >= triangles) return {0, 0, false};
+        return {texels == kNone ? kNone : texels - cost.texels, triangles == kNone ? kNone : triangles - cost.triangles,
+                untouched && cost.texels == 0};
+    }
 };
 
 /// A region of one cascade's window that is to be drawn.

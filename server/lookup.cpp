@@ -24,6 +24,10 @@ world::Result<std::vector<PointAnswer>> lookup(gpu::ShadowMaps& maps, const Sun&
             if (!(glm::length(p) <= kFarthestPoint)) continue;
             const cache::Texel texel = lattice.texelAt(glm::dvec2(p));
             if (!window.contains({texel, texel + int64_t(1)})) continue;
+            // Depths beyond a range that follows the eye are clamped, or not there: a longer range may hold them.
+            const cache::DepthRange& range = sun.cache.depth(c);
+            const bool followsEye = range != sun.cache.config().scene;
+            if (followsEye && (p.z < range.near || p.z > range.far())) continue;
             if (depths.empty()) {
                 auto read = maps.read(int(sun.cache.map(c)), gpu::MapKind::kWorking);
                 if (!read) return read.error();

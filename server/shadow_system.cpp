@@ -34,6 +34,39 @@ Result<world::Done> requireBudget(const Budget& budget) {
     return world::Done{};
 }
 
+/// Distinct depths of a format: a float's are of the size of its largest.
+double depthSteps(gpu::DepthFormat format) {
+    return format == gpu::DepthFormat::kD16 ? 1 / cache::kNearestDepth - 1 : 1 << 24;
+}
+
+/// Pairs of maps that one sun needs: where the world can be longer along the light than a cascade's range of
+/// depths, one more to move it.
+size_t mapsFor(const world::WorldStore& store, const ShadowConfig& config, const std::vector<culling::Cascade>& cascades) {
+    const world::Box& bounds = store.header().bounds;
+    const double longest = glm::length(bounds.max - bounds.min);
+    const bool moves = config.method == Method::kGnomon && std::any_of(cascades.begin(), cascades.end(), [&](const culling::Cascade& c) {
+        return cache::longestRange(c, depthSteps(config.format)) < longest;
+    });
+    return cascades.size() + (moves ? 1 : 0);
+}
+
+std::vector<uint8_t> cascadesOf(const cache::FramePlan& plan) {
+    std::vector<uint8_t> cascades;
+    for (const cache::CascadePlan& maps : plan.cascades) cascades.push_back(uint8_t(maps.cascade));
+    return cascades;
+}
+
+/// The times of maps as those of the cascades that they belonged to.
+gpu::GpuTimes byCascade(const gpu::GpuTimes& maps, std::span<const uint8_t> cascadeOf, size_t cascades) {
+    gpu::GpuTimes times = maps;
+    times.cascades.assign(cascades, {});
+    for (size_t m = 0; m < maps.cascades.size() && m < cascadeOf.size(); ++m) {
+        times.cascades[cascadeOf[m]].staticMs += maps.cascades[m].staticMs;
+        times.cascades[cascadeOf[m]].activeMs += maps.cascades[m].activeMs;
+    }
+    return times;
+}
+
 double msSince(std::chrono::steady_clock::time_point start) {
     return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
 }
@@ -47,6 +80,7 @@ struct ShadowSystem::Impl {
           store(worldStore),
           maps(std::move(m)),
           cascades(lightCascades),
+          mapsPerSun(mapsFor(store, c, cascades)),
           scene(store, *maps, space, cascades,
                 {c.farDistance, c.occlusion, c.raysPerCluster, c.restSeconds, c.promotionsPerFrame, c.residentBytes,
                  c.side, c.guardBand, c.smallestCaster, c.sabotage == cache::Sabotage::kStickyCertificate}),
@@ -57,14 +91,12 @@ struct ShadowSystem::Impl {
 
     /// `place`: which of the two sets of maps it draws into.
     std::unique_ptr<Sun> makeSun(const culling::LightSpace& space, size_t place, cache::Cause begin) const;
-    size_t placeOf(const Sun& sun) const { return sun.cache.config().firstMap / cascades.size(); }
-    /// All maps of all suns.
-    size_t mapCount() const { return cascades.size() * (config.movingSun ? 2 : 1); }
+    size_t placeOf(const Sun& sun) const { return sun.cache.config().firstMap / mapsPerSun; }
+    size_t mapCount() const { return mapsPerSun * (config.movingSun ? 2 : 1); }
     const Sun& shown() const { return *suns.front(); }
 
     void moveSun(const FrameInput& input, FrameReport& report, SunMotion::Decision& decision);
     void redirect(const culling::LightSpace& space);
-    bool nextComplete() const;
     void planNext(const cache::Demand& demand, double share, std::vector<cache::CascadeStatistics>& statistics);
     cache::Limits limits() const;
     Result<world::Done> learnRate(const FrameReport& report);
@@ -79,6 +111,7 @@ struct ShadowSystem::Impl {
     const world::WorldStore& store;
     std::unique_ptr<gpu::ShadowMaps> maps;
     std::vector<culling::Cascade> cascades;
+    size_t mapsPerSun;
     ResidentScene scene;
     std::vector<std::unique_ptr<Sun>> suns;  ///< as the scene's sides: the one shown and, filling, the next
     SunMotion motion;
@@ -123,9 +156,8 @@ Result<std::unique_ptr<ShadowSystem>> ShadowSystem::create(gpu::Device& device, 
           std::isfinite(motion.blendSeconds)))
         return Error{ErrorCode::kUsage, "sun: give steps above 0 and up to 0.2 radians, and a blend of 0 seconds or more"};
 
-    const int count = filled.cascades * (filled.movingSun ? 2 : 1);
     gpu::ShadowMapsConfig mapsConfig;
-    mapsConfig.cascades = count;
+    mapsConfig.cascades = int(mapsFor(store, filled, cascades.value())) * (filled.movingSun ? 2 : 1);
     mapsConfig.side = filled.side;
     mapsConfig.geometryBytes = filled.geometryBytes;
     mapsConfig.format = filled.format;
@@ -139,14 +171,14 @@ Result<std::unique_ptr<ShadowSystem>> ShadowSystem::create(gpu::Device& device, 
 
 std::unique_ptr<Sun> ShadowSystem::Impl::makeSun(const culling::LightSpace& space, size_t place,
                                                  cache::Cause begin) const {
-    // Depth is anchored to the world, not the camera: a texel's depth never has to change.
     const world::Box extent = space.toLight(store.header().bounds);
     cache::CacheConfig cacheConfig;
     cacheConfig.side = config.side;
     cacheConfig.guardBand = config.guardBand;
-    cacheConfig.depthNear = extent.min.z;
-    cacheConfig.depthRange = std::max(1.0, extent.max.z - extent.min.z);
-    cacheConfig.firstMap = place * cascades.size();
+    cacheConfig.scene = {extent.min.z, std::max(1.0, extent.max.z - extent.min.z)};
+    cacheConfig.depthSteps = depthSteps(config.format);
+    cacheConfig.spareMap = mapsPerSun > cascades.size();
+    cacheConfig.firstMap = place * mapsPerSun;
     cacheConfig.sabotage = config.sabotage;
     return std::make_unique<Sun>(Sun{space, cache::ShadowCache(cascades, cacheConfig), begin});
 }
@@ -203,7 +235,7 @@ Result<FrameReport> ShadowSystem::advance(const FrameInput& input) {
     const bool cached = s.config.method == Method::kGnomon;
     Sun& shown = *s.suns.front();
     if (!cached) shown.cache.forget();
-    cache::Demand demand{glm::dvec2(shown.space.toLight(p)), shown.begin, 0, {}};
+    cache::Demand demand{shown.space.toLight(p), shown.begin, 0, {}};
     if (cached) {
         if (!s.motion.report().redrawn) demand.limits = s.limits();
         demand.asleep = s.scene.unseen({p, camera.orientation, camera.verticalFov, camera.aspect},
@@ -213,7 +245,7 @@ Result<FrameReport> ShadowSystem::advance(const FrameInput& input) {
     s.plan.reset(s.mapCount());
     shown.cache.plan(s.scene.view(0, cached), s.scene.events(0), demand, s.plan, report.cascades);
     if (s.suns.size() == 2) {
-        demand.eye = glm::dvec2(s.suns[1]->space.toLight(p));
+        demand.eye = s.suns[1]->space.toLight(p);
         s.planNext(demand, decision.share, report.cascades);
     }
     for (auto& sun : s.suns) sun->begin = cache::Cause::kStart;
@@ -229,6 +261,7 @@ Result<FrameReport> ShadowSystem::advance(const FrameInput& input) {
     if (!ticket) return s.lost(ticket.error());
     report.ticket = s.lastTicket = ticket.value();
     report.submitted = !s.plan.idle();
+    report.mapCascades = cascadesOf(s.plan);
     if (const auto learned = s.learnRate(report); !learned) return s.lost(learned.error());
     report.bytesUploaded = s.maps->uploadedBytes() - s.uploadedBefore;
     s.uploadedBefore = s.maps->uploadedBytes();
@@ -258,14 +291,14 @@ Result<world::Done> ShadowSystem::finish(FrameReport& report) {
         return Error{ErrorCode::kUsage, "frame " + std::to_string(report.frame) + ": too long ago to ask what the GPU took"};
     auto times = impl_->maps->finish(report.ticket);
     if (!times) return impl_->lost(times.error());
-    report.gpu = std::move(times.value());
+    report.gpu = byCascade(times.value(), report.mapCascades, impl_->cascades.size());
     report.cpu.recordMs = report.gpu.recordMs;
     return world::Done{};
 }
 
 /// Shows the next sun if it is ready, and makes room for the one that the frame asks for.
 void ShadowSystem::Impl::moveSun(const FrameInput& input, FrameReport& report, SunMotion::Decision& decision) {
-    if (suns.size() == 2 && motion.showNext(input.time, nextComplete())) {
+    if (suns.size() == 2 && motion.showNext(input.time, suns[1]->cache.complete())) {
         scene.showNext();
         suns.erase(suns.begin());
     }
@@ -301,12 +334,6 @@ void ShadowSystem::Impl::redirect(const culling::LightSpace& space) {
     suns.front() = makeSun(space, placeOf(shown()), cache::Cause::kSun);
 }
 
-bool ShadowSystem::Impl::nextComplete() const {
-    for (size_t c = 0; c < cascades.size(); ++c)
-        if (!suns[1]->cache.drawn(int(c)) || !suns[1]->cache.owed(int(c)).empty()) return false;
-    return true;
-}
-
 /// Fills the next sun's maps with a share of all texels, within what the shown ones left of the limits. All
 /// of it has one cause: the sun.
 void ShadowSystem::Impl::planNext(const cache::Demand& demand, double share,
@@ -316,23 +343,14 @@ void ShadowSystem::Impl::planNext(const cache::Demand& demand, double share,
     next.asleep = 0;  // it must be whole before it is shown
     cache::Cost spent;
     for (const cache::CascadeStatistics& s : statistics) spent += s.total;
-    const auto left = [](uint64_t limit, uint64_t used) {
-        return limit == cache::Limits::kNone ? limit : limit - std::min(limit, used);
-    };
     const double texels = double(cascades.size()) * config.side * config.side;
-    next.limits.triangles = left(demand.limits.triangles, spent.triangles);
-    next.limits.texels = left(demand.limits.texels, spent.texels);
+    next.limits = demand.limits.less(spent);
     // Once it is complete it keeps up like the shown one.
-    if (!nextComplete())
+    if (!suns[1]->cache.complete())
         next.limits.texels = std::min(next.limits.texels, std::max<uint64_t>(1, uint64_t(std::ceil(share * texels))));
     std::vector<cache::CascadeStatistics> more;
     suns[1]->cache.plan(scene.view(1, true), scene.events(1), next, plan, more);
-    for (size_t c = 0; c < cascades.size(); ++c) {
-        statistics[c].byCause[size_t(cache::Cause::kSun)] += more[c].total;
-        statistics[c].total += more[c].total;
-        statistics[c].active += more[c].active;
-        statistics[c].clustersFound += more[c].clustersFound;
-    }
+    for (size_t c = 0; c < cascades.size(); ++c) statistics[c].addFor(cache::Cause::kSun, more[c]);
 }
 
 cache::Limits ShadowSystem::Impl::limits() const {
@@ -357,6 +375,7 @@ Result<VerifyReport> ShadowSystem::verify() {
     CHECK(s.planned);
     s.redraw.reset(s.mapCount());
     auto report = server::verify(*s.maps, s.scene, s.suns, s.redraw);
+    if (report) report.value().redraw = byCascade(report.value().redraw, cascadesOf(s.redraw), s.cascades.size());
     s.uploadedBefore = s.maps->uploadedBytes();
     return report;
 }

@@ -102,6 +102,7 @@ struct FrameReport {
     StageTimes cpu;
     bool submitted = false;  ///< anything was drawn; if not, nothing is submitted
     gpu::Ticket ticket = 0;  ///< the GPU's number for the frame
+    std::vector<uint8_t> mapCascades;  ///< per pair of maps on the GPU: its cascade in this frame
     gpu::GpuTimes gpu;       ///< empty until the frame is finished
     std::vector<world::Error> errors;  ///< per item; the frame went on without it
 };

@@ -3,11 +3,11 @@
 namespace server {
 
 CascadeView viewOf(const Sun& sun, int cascade) {
-    const cache::CacheConfig& config = sun.cache.config();
+    const cache::DepthRange& depth = sun.cache.depth(cascade);
     // Stored depths of casters begin at kNearestDepth.
-    const double range = config.depthRange / (1.0 - cache::kNearestDepth);
+    const double range = depth.length / (1.0 - cache::kNearestDepth);
     return {sun.cache.lattice(cascade).texel, sun.cache.split(cascade), sun.cache.window(cascade).min,
-            config.depthNear - cache::kNearestDepth * range, range, sun.cache.drawn(cascade), sun.space.lightFromWorld};
+            depth.near - cache::kNearestDepth * range, range, sun.cache.drawn(cascade), sun.space.lightFromWorld};
 }
 
 std::vector<TexelState> texelStates(const Sun& sun, int cascade, gpu::MapKind map) {

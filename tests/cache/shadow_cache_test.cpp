@@ -16,17 +16,26 @@ using tests::ToyScene;
 
 constexpr int kSide = 40;
 
+/// Whether ranges of depths follow the eye, and are filled before they move or when they must.
+enum class Depths { kFixed, kSpareMaps, kForced };
+
 /// A scene in which casters come, go, move and stop while the eye walks and jumps.
 class Life {
 public:
     /// `guard`: windows move in steps of so many texels.
-    Life(uint32_t seed, glm::dvec3 origin, cache::Sabotage sabotage, int guard = 1)
+    Life(uint32_t seed, glm::dvec3 origin, cache::Sabotage sabotage, int guard = 1, Depths depths = Depths::kFixed)
         : rng_(seed),
           origin_(origin),
+          climbs_(depths != Depths::kFixed),
           cascades_{{3.0, 0.15}, {10.0, 0.5}},
           scene_(glm::dvec3(0.4, -1, 0.3), cascades_),
-          cache_(cascades_, {kSide, guard, depth(origin) - 200, 400, 0, sabotage}),
-          held_(scene_, 2, kSide),
+          cache_(cascades_, {.side = kSide,
+                             .guardBand = guard,
+                             .scene = {depth(origin) - 200, 400},
+                             .depthSteps = climbs_ ? 1.0 : 1 << 24,  // ranges of 24 and 80 m
+                             .spareMap = depths == Depths::kSpareMaps,
+                             .sabotage = sabotage}),
+          held_(scene_, kMaps, kSide),
           eye_(origin) {
         for (glm::vec3 size : {glm::vec3(1, 1, 1), glm::vec3(0.2f, 4, 0.2f), glm::vec3(6, 0.5f, 1)})
             boxes_.push_back(scene_.addMesh(tests::boxMesh(size)));
@@ -35,7 +44,8 @@ public:
 
     /// One frame; false if a valid texel differs from the map drawn from scratch, or an unknown one is
     /// not marked as such.
-    bool step(int frame, const cache::Limits& limits = {}, uint32_t asleep = 0) {
+    /// `climb`: of the eye [m], where ranges of depths follow it.
+    bool step(int frame, const cache::Limits& limits = {}, uint32_t asleep = 0, double climb = 0.5) {
         std::vector<cache::Departure> departures;
         std::vector<cache::Arrival> arrivals;
         std::vector<world::Box> dirt;
@@ -75,13 +85,15 @@ public:
             }
         }
         std::sort(arrivals.begin(), arrivals.end(), [](auto& a, auto& b) { return a.caster < b.caster; });
-        const double stride = frame % 23 == 22 ? 60 : 0.8;  // now and then beyond every window
+        const bool jumps = !climbs_ && frame % 23 == 22;
+        const double stride = jumps ? 60 : climbs_ ? 0.2 : 0.8;  // now and then beyond every window
         eye_ += glm::dvec3(uniform(-stride, stride), 0, uniform(-stride, stride));
-        if (frame % 23 == 22) eye_ = origin_ + glm::dvec3(uniform(-8, 8), 0, uniform(-8, 8));
+        if (jumps) eye_ = origin_ + glm::dvec3(uniform(-8, 8), 0, uniform(-8, 8));
+        if (climbs_) eye_.y += climb;
 
         cache::FramePlan plan;
-        plan.reset(2);
-        const glm::dvec2 eye(scene_.light.space().toLight(eye_));
+        plan.reset(kMaps);
+        const glm::dvec3 eye = scene_.light.space().toLight(eye_);
         cache_.plan(scene_.view(), {departures, arrivals, dirt}, {eye, Cause::kStart, asleep, limits}, plan, statistics_);
         held_.execute(plan);
         for (const auto id : dead_) scene_.table.remove(id);
@@ -91,21 +103,22 @@ public:
     /// A frame in which nothing happens.
     cache::FramePlan rest(const cache::Limits& limits = {}) {
         cache::FramePlan plan;
-        plan.reset(2);
-        const glm::dvec2 eye(scene_.light.space().toLight(eye_));
+        plan.reset(kMaps);
+        const glm::dvec3 eye = scene_.light.space().toLight(eye_);
         cache_.plan(scene_.view(), {}, {eye, Cause::kStart, 0, limits}, plan, statistics_);
         held_.execute(plan);
         return plan;
     }
     bool matches() const {
-        SoftMaps truth(scene_, 2, kSide);
+        SoftMaps truth(scene_, kMaps, kSide);
         cache::FramePlan plan;
-        plan.reset(2);
+        plan.reset(kMaps);
         std::vector<cache::CascadeStatistics> redrawn;
         cache_.planRedraw(scene_.view(), plan, redrawn);
         truth.execute(plan);
         for (size_t c = 0; c < 2; ++c) {
-            const SoftMaps::Maps &held = held_.maps()[c], &drawn = truth.maps()[c];
+            const size_t map = cache_.map(int(c));
+            const SoftMaps::Maps &held = held_.maps()[map], &drawn = truth.maps()[map];
             if (!cache_.drawn(int(c))) continue;
             const cache::TexelRect window = cache_.window(int(c));
             for (int64_t y = window.min.y; y < window.max.y; ++y) {
@@ -132,6 +145,7 @@ public:
     cache::ShadowCache& cache() { return cache_; }
 private:
     static constexpr world::CasterId kNone = 0xffffffffu;
+    static constexpr size_t kMaps = 3;  ///< two cascades', and one pair to spare
     static double depth(glm::dvec3 origin) {
         return culling::makeLightSpace({0.4, -1, 0.3}).value().toLight(origin).z;
     }
@@ -158,6 +172,7 @@ private:
 
     std::mt19937 rng_;
     glm::dvec3 origin_;
+    bool climbs_;
     std::vector<culling::Cascade> cascades_;
     ToyScene scene_;
     cache::ShadowCache cache_;
@@ -290,11 +305,50 @@ TEST(ShadowCache, SleepersCostNothingAndCatchUp) {
     EXPECT_TRUE(slept);
 }
 
+TEST(ShadowCache, DepthsFollowTheEyeAShareInEachFrame) {
+    for (const cache::Limits limits : {cache::Limits{}, cache::Limits{900, 20000}}) {
+        Life life(12, glm::dvec3(1e5, 0, 0), cache::Sabotage::kNone, 1, Depths::kSpareMaps);
+        int moved = 0, swapped = 0;
+        for (int frame = 0; frame < (limits.limited() ? 150 : 400); ++frame) {
+            // Slow enough for the spare maps to be whole in time: an eighth of 24 m in 60 frames.
+            const double climb = frame < 200 ? 0.045 : -0.045;
+            const cache::DepthRange before = life.cache().depth(0);
+            const size_t map = life.cache().map(0);
+            ASSERT_TRUE(life.step(frame, limits, 0, climb)) << "frame " << frame << ", " << limits.texels << " texels";
+            moved += frame > 0 && life.cache().depth(0) != before;
+            swapped += life.cache().map(0) != map;
+            ASSERT_LE(drawnIn(life.statistics(), &cache::Cost::texels), limits.texels);
+            ASSERT_LE(drawnIn(life.statistics(), &cache::Cost::triangles), limits.triangles);
+            for (const cache::CascadeStatistics& s : life.statistics()) {
+                cache::Cost sum;
+                for (const cache::Cost& cost : s.byCause) sum += cost;
+                ASSERT_EQ(sum, s.total);
+                const uint64_t rebase = s.byCause[size_t(Cause::kRebase)].texels;
+                ASSERT_LE(rebase, s.total.texels - rebase + kSide * kSide / 50) << "not spread over frames";
+            }
+        }
+        if (limits.limited()) continue;  // what is left of a limit may not do in time
+        EXPECT_GT(moved, 0);
+        EXPECT_EQ(swapped, moved);
+    }
+}
+
+TEST(ShadowCache, ARangeThatIsLeftIsRedrawnAtOnce) {
+    Life life(13, glm::dvec3(0), cache::Sabotage::kNone, 1, Depths::kForced);
+    uint64_t most = 0;
+    for (int frame = 0; frame < 200; ++frame) {
+        ASSERT_TRUE(life.step(frame)) << "frame " << frame;
+        most = std::max(most, life.statistics()[0].byCause[size_t(Cause::kRebase)].texels);
+    }
+    EXPECT_EQ(most, uint64_t(kSide * kSide));
+}
+
 TEST(ShadowCache, DefectsAreSeen) {
     for (cache::Sabotage sabotage : {cache::Sabotage::kLiteralScroll, cache::Sabotage::kDeafDeparture,
                                      cache::Sabotage::kForgottenDebt, cache::Sabotage::kUnknownAsEmpty,
-                                     cache::Sabotage::kSleptMotion}) {
-        Life life(5, glm::dvec3(0), sabotage);
+                                     cache::Sabotage::kSleptMotion, cache::Sabotage::kKeptDepths}) {
+        const Depths depths = sabotage == cache::Sabotage::kKeptDepths ? Depths::kForced : Depths::kFixed;
+        Life life(5, glm::dvec3(0), sabotage, 1, depths);
         const bool limited = sabotage == cache::Sabotage::kForgottenDebt || sabotage == cache::Sabotage::kUnknownAsEmpty;
         bool caught = false;
         for (int frame = 0; frame < 250 && !caught; ++frame)
@@ -307,7 +361,7 @@ TEST(ShadowCache, DefectsAreSeen) {
 TEST(ShadowCache, AnEmptySceneIsDrawnOnceAsEmpty) {
     const std::vector<culling::Cascade> cascades{{3.0, 0.15}};
     ToyScene scene(glm::dvec3(0, -1, 0), cascades);
-    cache::ShadowCache cache(cascades, {kSide, 1, 0, 1, 0, cache::Sabotage::kNone});
+    cache::ShadowCache cache(cascades, {.side = kSide});
     cache::FramePlan plan;
     plan.reset(1);
     std::vector<cache::CascadeStatistics> statistics;

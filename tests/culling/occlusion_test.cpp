@@ -27,7 +27,7 @@ struct Layers {
         for (int i = 0; i < 60; ++i) ids.push_back(scene.addStatic(i % 2 ? box : small, somewhere(-6, 5, 3)));
         const glm::dvec3 light = scene.light.space().toLight(origin);
         depthNear = light.z - 50;
-        eye = glm::dvec2(light);
+        eye = light;
         auto made = culling::Occlusion::create(scene.table, scene.light, {4096, 100, light, kSide, sticky});
         occlusion = std::move(made.value());
     }
@@ -45,12 +45,12 @@ struct Layers {
         p.linear = x * z;
         return p;
     }
-    cache::ShadowCache makeCache() const { return {kCascades, {kSide, 1, depthNear, 100, 0, cache::Sabotage::kNone}}; }
+    cache::ShadowCache makeCache() const { return {kCascades, {.side = kSide, .scene = {depthNear, 100}}}; }
 
     ToyScene scene;
     std::mt19937 rng;
     glm::dvec3 origin;
-    glm::dvec2 eye{0};
+    glm::dvec3 eye{0};
     double depthNear = 0;
     std::vector<world::CasterId> ids;
     std::unique_ptr<culling::Occlusion> occlusion;
