@@ -403,6 +403,14 @@ TexelRect ShadowCache::windowAround(int cascade, glm::dvec2 eye) const {
     return lattice.window(lattice.windowAt(eye));
 }
 
+void ShadowCache::adopt(int cascade, const ShadowCache& other, int from) {
+    State& state = states_[size_t(cascade)];
+    const size_t map = state.map;
+    frame_ = other.frame_;  // the debts' dates
+    state = other.states_[size_t(from)];
+    state.map = map;
+}
+
 bool ShadowCache::complete() const {
     return std::all_of(states_.begin(), states_.end(), [](const State& s) { return s.complete(); });
 }

@@ -115,6 +115,9 @@ public:
     /// Changes nothing of its own.
     void planRedraw(const Scene& scene, FramePlan& plan, std::vector<CascadeStatistics>& statistics) const;
 
+    /// Takes over what another cache's maps hold for one of its cascades, which serves the same distance with the same
+    /// lattice and format: the caller has put its pair of maps in the place of this one's. Before any plan.
+    void adopt(int cascade, const ShadowCache& other, int from);
     /// Every cascade is drawn and owes nothing.
     bool complete() const;
     /// Forgets what the maps hold: the next plan draws everything.

@@ -16,6 +16,7 @@ namespace culling {
 struct Cascade {
     double split = 0;  ///< serves points up to this far from the eye [m]
     double texel = 0;  ///< edge of a texel [m]; depends on split and side alone
+    friend bool operator==(const Cascade&, const Cascade&) = default;
 };
 
 /// Texels of a window that lie beyond its split on each side: one for the snap, the rest for filters.

@@ -56,6 +56,37 @@ bool drawsStatic(const CascadePlan& plan) {
     return !plan.unknowns.empty() || !plan.clears.empty() || !plan.staticPasses.empty();
 }
 
+Result<Done> requireSide(const Device::Impl& device, int side) {
+    if (static_cast<uint32_t>(side) <= device.maxSide) return Done{};
+    return Error{ErrorCode::kLimit, "shadow maps of " + std::to_string(side) + " texels a side: '" + device.name +
+                                        "' draws at most " + std::to_string(device.maxSide) +
+                                        "; lower --resolution"};
+}
+
+Result<std::vector<Place>> makePlaces(Device::Impl& device, const ShadowMapsConfig& config) {
+    std::vector<Place> places;
+    places.reserve(static_cast<size_t>(config.framesInFlight));
+    for (int i = 0; i < config.framesInFlight; ++i) {
+        const std::string number = std::to_string(i);
+        auto instances = GrowingBuffer::create(device, kFirstBytes, VK_BUFFER_USAGE_VERTEX_BUFFER_BIT,
+                                               "instances " + number);
+        if (!instances) return instances.error();
+        auto commands = GrowingBuffer::create(device, kFirstBytes, VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
+                                              "indirect draws " + number);
+        if (!commands) return commands.error();
+        const uint32_t stamps =
+            config.timestamps ? 1 + kStampsPerCascade * static_cast<uint32_t>(config.cascades) : 0;
+        auto frame = Frame::create(device, stamps, "shadow maps frame " + number);
+        if (!frame) return frame.error();
+        places.push_back({.instances = std::move(instances.value()),
+                          .commands = std::move(commands.value()),
+                          .work = std::vector<CascadeWork>(static_cast<size_t>(config.cascades)),
+                          .ticket = 0,
+                          .frame = std::move(frame.value())});
+    }
+    return places;
+}
+
 double msSince(std::chrono::steady_clock::time_point start) {
     return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
 }
@@ -77,8 +108,7 @@ struct ShadowMaps::Impl {
     size_t next = 0;                             ///< place of the next submission; the oldest one is in it
     std::vector<Place> places;                   ///< last: they wait before anything that they use goes
 
-    Result<Done> makePlaces();
-    Result<std::vector<CascadeMaps>> makeMaps(const std::string& prefix);
+    Result<std::vector<CascadeMaps>> makeMaps(const ShadowMapsConfig& of, const std::string& prefix);
     Result<Done> needScratch();
     void check(const FramePlan& plan) const;
     Result<Done> fill(const FramePlan& plan, Place& place);
@@ -99,10 +129,7 @@ struct ShadowMaps::Impl {
 Result<std::unique_ptr<ShadowMaps>> ShadowMaps::create(Device& device, const ShadowMapsConfig& config) {
     CHECK(config.cascades > 0 && config.side > 0 && config.framesInFlight > 0);
     Device::Impl& d = device.impl();
-    if (static_cast<uint32_t>(config.side) > d.maxSide)
-        return Error{ErrorCode::kLimit, "shadow maps of " + std::to_string(config.side) +
-                                            " texels a side: '" + d.name + "' draws at most " +
-                                            std::to_string(d.maxSide) + "; lower --resolution"};
+    if (const auto good = requireSide(d, config.side); !good) return good.error();
     auto geometry = GeometryStore::create(d, config.geometryBytes);
     if (!geometry) return geometry.error();
     auto pass = DepthPass::create(d, static_cast<uint32_t>(config.side), config.format);
@@ -118,8 +145,10 @@ Result<std::unique_ptr<ShadowMaps>> ShadowMaps::create(Device& device, const Sha
                                         .copies = {},
                                         .outcomes = {},
                                         .places = {}});
-    if (const auto made = impl->makePlaces(); !made) return made.error();
-    auto maps = impl->makeMaps("");
+    auto places = makePlaces(d, config);
+    if (!places) return places.error();
+    impl->places = std::move(places.value());
+    auto maps = impl->makeMaps(config, "");
     if (!maps) return maps.error();
     impl->maps = std::move(maps.value());
     return std::unique_ptr<ShadowMaps>(new ShadowMaps(std::move(impl)));
@@ -128,47 +157,59 @@ Result<std::unique_ptr<ShadowMaps>> ShadowMaps::create(Device& device, const Sha
 ShadowMaps::ShadowMaps(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 ShadowMaps::~ShadowMaps() = default;
 
-Result<Done> ShadowMaps::Impl::makePlaces() {
-    places.reserve(static_cast<size_t>(config.framesInFlight));
-    for (int i = 0; i < config.framesInFlight; ++i) {
-        const std::string number = std::to_string(i);
-        auto instances = GrowingBuffer::create(device, kFirstBytes, VK_BUFFER_USAGE_VERTEX_BUFFER_BIT,
-                                               "instances " + number);
-        if (!instances) return instances.error();
-        auto commands = GrowingBuffer::create(device, kFirstBytes, VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
-                                              "indirect draws " + number);
-        if (!commands) return commands.error();
-        const uint32_t stamps =
-            config.timestamps ? 1 + kStampsPerCascade * static_cast<uint32_t>(config.cascades) : 0;
-        auto frame = Frame::create(device, stamps, "shadow maps frame " + number);
-        if (!frame) return frame.error();
-        places.push_back({.instances = std::move(instances.value()),
-                          .commands = std::move(commands.value()),
-                          .work = std::vector<CascadeWork>(static_cast<size_t>(config.cascades)),
-                          .ticket = 0,
-                          .frame = std::move(frame.value())});
-    }
-    return Done{};
-}
-
-Result<std::vector<CascadeMaps>> ShadowMaps::Impl::makeMaps(const std::string& prefix) {
-    auto made = createCascadeMaps(device, config, prefix);
+Result<std::vector<CascadeMaps>> ShadowMaps::Impl::makeMaps(const ShadowMapsConfig& of, const std::string& prefix) {
+    auto made = createCascadeMaps(device, of, prefix);
     if (!made) return made.error();
     const auto place = claim();
     if (!place) return place.error();
     Frame& frame = place.value()->frame;
     const auto commandBuffer = frame.begin();
     if (!commandBuffer) return commandBuffer.error();
-    recordNew(frame, commandBuffer.value(), made.value(), static_cast<uint32_t>(config.side));
+    recordNew(frame, commandBuffer.value(), made.value(), static_cast<uint32_t>(of.side));
     if (const auto done = runAlone(*place.value()); !done) return done.error();
     return made;
 }
 
 Result<Done> ShadowMaps::Impl::needScratch() {
     if (!scratch.empty()) return Done{};
-    auto made = makeMaps("scratch ");
+    auto made = makeMaps(config, "scratch ");
     if (!made) return made.error();
     scratch = std::move(made.value());
+    return Done{};
+}
+
+Result<Done> ShadowMaps::reshape(std::span<const int> from, int side, DepthFormat format) {
+    Impl& impl = *impl_;
+    CHECK(!from.empty() && side > 0);
+    if (const auto settled = impl.settleUpTo(impl.last); !settled) return settled.error();
+    if (const auto good = requireSide(impl.device, side); !good) return good.error();
+    ShadowMapsConfig config = impl.config;
+    config.cascades = static_cast<int>(from.size());
+    config.side = side;
+    config.format = format;
+    const bool same = side == impl.config.side && format == impl.config.format;
+    auto places = makePlaces(impl.device, config);
+    if (!places) return places.error();
+    auto pass = DepthPass::create(impl.device, static_cast<uint32_t>(side), format);
+    if (!pass) return pass.error();
+    ShadowMapsConfig missing = config;
+    missing.cascades = static_cast<int>(std::count(from.begin(), from.end(), -1));
+    auto fresh = impl.makeMaps(missing, "");
+    if (!fresh) return fresh.error();
+
+    std::vector<CascadeMaps> maps;
+    size_t next = 0;
+    for (const int old : from) {
+        CHECK(old == -1 || (same && old >= 0 && old < impl.config.cascades));
+        maps.push_back(std::move(old == -1 ? fresh.value()[next++] : impl.maps[static_cast<size_t>(old)]));
+    }
+    impl.maps = std::move(maps);
+    impl.scratch.clear();
+    impl.readback.reset();
+    impl.pass = std::move(pass.value());
+    impl.places = std::move(places.value());
+    impl.next = 0;
+    impl.config = config;
     return Done{};
 }
 

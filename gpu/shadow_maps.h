@@ -54,6 +54,12 @@ public:
     static world::Result<std::unique_ptr<ShadowMaps>> create(Device& device, const ShadowMapsConfig& config);
     ~ShadowMaps();
 
+    /// Other maps from now on, in the place of those there are; waits for all submissions. Geometry stays.
+    ///   from    per new pair of maps: the number of the old pair that it takes over as it is, each at most once, or
+    ///           -1 for a new one; all -1 where `side` or `format` change
+    /// After an error nothing has changed.
+    world::Result<world::Done> reshape(std::span<const int> from, int side, DepthFormat format);
+
     /// Copies positions and indices into the arena. kLimit names the budget when it is full.
     world::Result<cache::GeometryId> upload(const world::MeshLevel& level);
     /// No later plan may draw it. Its space and its id go back once no submitted plan can read it.

@@ -54,16 +54,60 @@ ResidentScene::ResidentScene(const world::WorldStore& store, gpu::ShadowMaps& ma
     sides_.push_back(std::make_unique<SunSide>(space, cascades, config.smallestCaster));
 }
 
-void ResidentScene::openNext(const culling::LightSpace& space) {
-    CHECK(sides_.size() == 1);
-    auto side = std::make_unique<SunSide>(space, shown().light.cascades(), config_.smallestCaster);
+/// All casters, as a light sees them.
+std::unique_ptr<SunSide> ResidentScene::fitted(const culling::LightSpace& space,
+                                               const std::vector<culling::Cascade>& cascades,
+                                               const SceneConfig& config) const {
+    auto side = std::make_unique<SunSide>(space, cascades, config.smallestCaster);
     side->light.reserve(table_.slots());
     tbb::parallel_for(world::CasterId(0), world::CasterId(table_.slots()), [&](world::CasterId id) {
         if (table_[id].state == world::CasterState::kStatic) side->light.addStatic(id, table_);
         if (table_[id].state == world::CasterState::kActive) side->light.addActive(id, table_);
     });
-    sides_.push_back(std::move(side));
+    return side;
+}
+
+void ResidentScene::openNext(const culling::LightSpace& space) {
+    CHECK(sides_.size() == 1);
+    sides_.push_back(fitted(space, shown().light.cascades(), config_));
     streamedAt_.reset();  // the new light comes through other chunks
+}
+
+world::Result<ResidentScene::Refit> ResidentScene::refit(const std::vector<culling::Cascade>& cascades,
+                                                         const SceneConfig& config, std::span<const int> from) {
+    CHECK(sides_.size() == 1 && from.size() == cascades.size());
+    SunSide& old = *sides_.front();
+    auto side = fitted(old.light.space(), cascades, config);
+    side->departures = old.departures;
+    side->activeDirt = old.activeDirt;
+    std::vector<cache::Arrival> arrivals = arrivals_;
+    for (world::CasterId id = 0; id < table_.slots(); ++id) {
+        if (table_[id].state == world::CasterState::kFree) continue;
+        if (auto done = uploadLevels(side->light, id); !done) return done.error();
+        bool differs = false;
+        for (size_t c = 0; c < from.size(); ++c)
+            differs |= from[c] >= 0 && (old.light.level(id, from[c]) != side->light.level(id, int(c)) ||
+                                        old.light.drawn(id, from[c]) != side->light.drawn(id, int(c)));
+        if (!differs) continue;
+        if (table_[id].state == world::CasterState::kActive) {
+            side->activeDirt.push_back(old.light[id].bounds);
+            side->activeDirt.push_back(side->light[id].bounds);
+            continue;
+        }
+        side->departures.push_back({old.light[id].bounds, cache::Cause::kLevel});
+        const bool arrives = std::any_of(arrivals_.begin(), arrivals_.end(),
+                                         [id](const cache::Arrival& a) { return a.caster == id; });
+        if (!arrives) arrivals.push_back({id, cache::Cause::kLevel});
+    }
+    return Refit{std::move(side), std::move(arrivals), config};
+}
+
+void ResidentScene::apply(Refit refit) {
+    sides_.front() = std::move(refit.side);
+    arrivals_ = std::move(refit.arrivals);
+    config_ = refit.config;
+    occlusionStarted_ = false;
+    streamedAt_.reset();
 }
 
 void ResidentScene::showNext() {
@@ -111,10 +155,9 @@ size_t ResidentScene::revoke(std::span<const world::CasterId> casters) {
     return revoked;
 }
 
-world::Result<world::Done> ResidentScene::uploadLevels(world::CasterId caster) {
+/// Levels follow from texels and scale: the same for every sun.
+world::Result<world::Done> ResidentScene::uploadLevels(const culling::LightCasters& light, world::CasterId caster) {
     world::MeshEntry& entry = table_.mesh(table_[caster].mesh);
-    // Levels follow from texels and scale: the same for every sun.
-    const culling::LightCasters& light = shown().light;
     for (size_t c = 0; c < light.cascades().size(); ++c) {
         const auto level = static_cast<size_t>(light.level(caster, int(c)));
         if (entry.geometry[level] != world::kNoGeometry) continue;
@@ -142,7 +185,7 @@ world::Result<world::CasterId> ResidentScene::addStatic(world::MeshSlot mesh, co
                                                         world::CasterOrigin origin) {
     const world::CasterId id = table_.add(mesh, placement, world::CasterState::kStatic, origin);
     placeStatic(id);
-    if (auto done = uploadLevels(id); !done) {
+    if (auto done = uploadLevels(shown().light, id); !done) {
         table_.remove(id);
         return done.error();
     }
@@ -249,7 +292,7 @@ world::Result<ObjectId> ResidentScene::spawn(uint32_t mesh, const world::Placeme
     } else {
         object.caster = table_.add(slot.value(), placement, world::CasterState::kActive, origin, traits.margin);
         placeActive(object.caster);
-        if (auto done = uploadLevels(object.caster); !done) {
+        if (auto done = uploadLevels(shown().light, object.caster); !done) {
             table_.remove(object.caster);
             return done.error();
         }
@@ -311,7 +354,7 @@ void ResidentScene::moveObjects(double time, std::span<const ObjectUpdate> updat
         placeActive(id);
         dirtyActive(id);
         if (!object.deforms) sets_.moved(id, time);
-        if (auto done = uploadLevels(id); !done) {  // it stays where its levels are uploaded already
+        if (auto done = uploadLevels(shown().light, id); !done) {  // it stays where its levels are uploaded already
             changes.errors.push_back(done.error());
             table_.place(id, before);
             placeActive(id);

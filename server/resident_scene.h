@@ -86,6 +86,20 @@ public:
     world::Result<ObjectId> spawn(uint32_t mesh, const world::Placement& placement, const ObjectTraits& traits);
     world::Result<world::Done> remove(ObjectId object);
 
+    /// The scene fitted to other cascades; nothing has changed yet.
+    struct Refit {
+        std::unique_ptr<SunSide> side;
+        std::vector<cache::Arrival> arrivals;
+        SceneConfig config;
+    };
+    /// For a configuration that differs in `farDistance`, `side`, `guardBand` and `smallestCaster` alone. One side, no
+    /// next one. kLimit and kDevice where a level that the new cascades draw cannot be uploaded.
+    ///   from  per new cascade: the old one whose maps it takes over, or -1. What is drawn differently in any
+    ///         of those departs and arrives, with the cause kLevel.
+    world::Result<Refit> refit(const std::vector<culling::Cascade>& cascades, const SceneConfig& config,
+                               std::span<const int> from);
+    /// Takes it over, before anything else has happened. Certificates are sought anew.
+    void apply(Refit refit);
     /// Opens side 1. Its casters get no certificates: a sun that steps outlives few of them.
     void openNext(const culling::LightSpace& space);
     /// Side 1 becomes side 0, and the old one is dropped.
@@ -150,8 +164,10 @@ private:
     world::Result<world::Done> addChunk(std::shared_ptr<const world::Chunk> chunk, SceneChanges& changes);
     world::Result<world::CasterId> addStatic(world::MeshSlot mesh, const world::Placement& placement,
                                              world::CasterOrigin origin);
+    std::unique_ptr<SunSide> fitted(const culling::LightSpace& space, const std::vector<culling::Cascade>& cascades,
+                                    const SceneConfig& config) const;
     /// Uploads the levels that the caster's cascades draw.
-    world::Result<world::Done> uploadLevels(world::CasterId caster);
+    world::Result<world::Done> uploadLevels(const culling::LightCasters& light, world::CasterId caster);
     void removeMesh(world::MeshSlot slot);
     world::Result<world::Done> startOcclusion(glm::dvec3 eye);
     void occlude(SunSide& side, glm::dvec3 eye, SceneChanges& changes);

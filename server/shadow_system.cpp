@@ -67,6 +67,21 @@ gpu::GpuTimes byCascade(const gpu::GpuTimes& maps, std::span<const uint8_t> casc
     return times;
 }
 
+SceneConfig sceneConfig(const ShadowConfig& c) {
+    return {c.farDistance, c.occlusion, c.raysPerCluster, c.restSeconds, c.promotionsPerFrame, c.residentBytes,
+            c.side, c.guardBand, c.smallestCaster, c.sabotage == cache::Sabotage::kStickyCertificate};
+}
+
+/// The cascades of a configuration, if all that it says of maps can be.
+Result<std::vector<culling::Cascade>> checkedCascades(const ShadowConfig& config) {
+    auto cascades = culling::makeCascades(config.cascades, config.side, config.farDistance, config.splitRatio,
+                                          config.guardBand);
+    if (!cascades) return cascades;
+    if (!(config.smallestCaster >= 0 && std::isfinite(config.smallestCaster)))
+        return Error{ErrorCode::kUsage, "smallest caster: give a number of texels, 0 or more"};
+    return cascades;
+}
+
 double msSince(std::chrono::steady_clock::time_point start) {
     return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
 }
@@ -81,9 +96,7 @@ struct ShadowSystem::Impl {
           maps(std::move(m)),
           cascades(lightCascades),
           mapsPerSun(mapsFor(store, c, cascades)),
-          scene(store, *maps, space, cascades,
-                {c.farDistance, c.occlusion, c.raysPerCluster, c.restSeconds, c.promotionsPerFrame, c.residentBytes,
-                 c.side, c.guardBand, c.smallestCaster, c.sabotage == cache::Sabotage::kStickyCertificate}),
+          scene(store, *maps, space, cascades, sceneConfig(c)),
           motion(c.sunMotion, space.sun, c.method == Method::kGnomon),
           sunNow(space.sun) {
         suns.push_back(makeSun(space, 0, cache::Cause::kStart));
@@ -140,13 +153,10 @@ Result<std::unique_ptr<ShadowSystem>> ShadowSystem::create(gpu::Device& device, 
         return Error{ErrorCode::kUsage, store.path() + ": the world names no sun; give --sun AZIMUTH,ELEVATION"};
     auto space = culling::makeLightSpace(filled.sun);
     if (!space) return space.error();
-    auto cascades = culling::makeCascades(filled.cascades, filled.side, filled.farDistance, filled.splitRatio,
-                                          filled.guardBand);
+    auto cascades = checkedCascades(filled);
     if (!cascades) return cascades.error();
     if (!(filled.restSeconds >= 0))
         return Error{ErrorCode::kUsage, "rest time: " + std::to_string(filled.restSeconds) + " s; give 0 or more"};
-    if (!(filled.smallestCaster >= 0 && std::isfinite(filled.smallestCaster)))
-        return Error{ErrorCode::kUsage, "smallest caster: give a number of texels, 0 or more"};
     if (auto budget = requireBudget(filled.budget); !budget) return budget.error();
     if (store.chunks().empty() || store.header().bounds.empty())
         return Error{ErrorCode::kBadData, store.path() + ": nothing in it casts a shadow; bake a source that has casters"};
@@ -194,6 +204,46 @@ Result<world::Done> ShadowSystem::remove(ObjectId object) { return impl_->scene.
 Result<world::Done> ShadowSystem::setBudget(const Budget& budget) {
     if (auto good = requireBudget(budget); !good) return good.error();
     impl_->config.budget = budget;
+    return world::Done{};
+}
+
+Result<world::Done> ShadowSystem::reconfigure(const MapSettings& settings) {
+    Impl& s = *impl_;
+    ShadowConfig config = s.config;
+    static_cast<MapSettings&>(config) = settings;
+    auto cascades = checkedCascades(config);
+    if (!cascades) return cascades.error();
+    if (s.suns.size() == 2) {  // what was filled for the sun's next direction begins anew
+        s.scene.dropNext();
+        s.suns.pop_back();
+        s.motion.dropNext();
+    }
+    const Sun& old = s.shown();
+    const bool sameTexels = config.side == s.config.side && config.guardBand == s.config.guardBand &&
+                            config.format == s.config.format;
+    const size_t perSun = mapsFor(s.store, config, cascades.value());
+    std::vector<int> from(cascades.value().size(), -1);  // per cascade
+    std::vector<int> fromMaps(perSun * (config.movingSun ? 2 : 1), -1);
+    for (size_t c = 0; c < from.size(); ++c) {
+        const auto kept = std::find(s.cascades.begin(), s.cascades.end(), cascades.value()[c]);
+        if (!sameTexels || kept == s.cascades.end()) continue;
+        from[c] = int(kept - s.cascades.begin());
+        fromMaps[c] = int(old.cache.map(from[c]));
+    }
+    auto refit = s.scene.refit(cascades.value(), sceneConfig(config), from);
+    if (!refit) return refit.error();
+    if (auto shaped = s.maps->reshape(fromMaps, config.side, config.format); !shaped) return shaped.error();
+
+    s.scene.apply(std::move(refit.value()));
+    s.config = config;
+    s.cascades = std::move(cascades.value());
+    s.mapsPerSun = perSun;
+    auto sun = s.makeSun(old.space, 0, old.begin);
+    for (size_t c = 0; c < from.size(); ++c)
+        if (from[c] >= 0) sun->cache.adopt(int(c), old.cache, from[c]);
+    s.suns.front() = std::move(sun);
+    s.underWay.clear();
+    s.planned = false;
     return world::Done{};
 }
 
@@ -291,7 +341,7 @@ Result<world::Done> ShadowSystem::finish(FrameReport& report) {
         return Error{ErrorCode::kUsage, "frame " + std::to_string(report.frame) + ": too long ago to ask what the GPU took"};
     auto times = impl_->maps->finish(report.ticket);
     if (!times) return impl_->lost(times.error());
-    report.gpu = byCascade(times.value(), report.mapCascades, impl_->cascades.size());
+    report.gpu = byCascade(times.value(), report.mapCascades, report.cascades.size());
     report.cpu.recordMs = report.gpu.recordMs;
     return world::Done{};
 }

@@ -36,18 +36,22 @@ struct Budget {
     double ms = 0;  ///< wall time of the GPU's part, by the rates of the frames before: not deterministic; 0: any
 };
 
-struct ShadowConfig {
+/// What the maps are like; may be changed while a system runs.
+struct MapSettings {
     int cascades = 4;          ///< 1 to 8
     int side = 1024;           ///< texels a side, 64 to 8192
     double farDistance = 600;  ///< split of the last cascade [m]: shadows reach this far from the eye
     double splitRatio = 3;     ///< each split is this many times the one before, > 1
     int guardBand = 1;         ///< windows move in steps of this many texels, 1 to side / 4
+    double smallestCaster = 0; ///< casters smaller than so many texels of a cascade are not drawn there; 0: all
+    gpu::DepthFormat format = gpu::DepthFormat::kD32;
+};
+
+struct ShadowConfig : MapSettings {
     glm::dvec3 sun{0};         ///< direction of light travel; zero: the world's own
     bool movingSun = false;    ///< frames may turn it: doubles the memory of the maps
     SunMotionConfig sunMotion;
     Method method = Method::kGnomon;
-    double smallestCaster = 0; ///< casters smaller than so many texels of a cascade are not drawn there; 0: all
-    gpu::DepthFormat format = gpu::DepthFormat::kD32;
     bool occlusion = true;     ///< certificates, texel-exact
     uint32_t raysPerCluster = 4096;  ///< above this a cluster is simply drawn
     double restSeconds = 10;   ///< an active object is static after resting this long
@@ -140,6 +144,12 @@ public:
     world::Result<world::Done> remove(ObjectId object);
     /// kUsage for a limit of 0 or a time that is negative or not finite: the old budget stays.
     world::Result<world::Done> setBudget(const Budget& budget);
+    /// Other maps from the next frame on; waits for the GPU. A cascade that serves the same distance as one before, with
+    /// the same texels and format, keeps its maps: another number of cascades at the same ratio leaves those that
+    /// stay as they are. The others are drawn anew, within the budget, and so is what a kept cascade now draws
+    /// differently. Certificates are sought anew. kUsage, kLimit, kDevice as in `create`: then nothing has changed,
+    /// but that maps for the sun's next direction begin anew. `verify` and `redrawCosts` need a frame first.
+    world::Result<world::Done> reconfigure(const MapSettings& settings);
     /// Where the world has it.
     const world::Placement& restPlacement(ObjectId object) const;
 

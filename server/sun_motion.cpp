@@ -28,12 +28,10 @@ SunMotion::Decision SunMotion::decide(double time, glm::dvec3 sun) {
     const glm::dvec3 direction = culling::quantisedSun(sun, config_.step);
     if (!fills_ || framesPerStep < 2 || report_.lag > kMostLag * config_.step) {
         decision = {Action::kRedraw, direction, open, 0};
+        dropNext();
         report_.shown = direction;
-        report_.next = glm::dvec3(0);
-        report_.weight = 0;
         report_.redrawn = true;
         report_.lag = culling::angleBetween(sun, direction);
-        blendFrom_.reset();
         return decision;
     }
     if (!open) {
@@ -42,6 +40,12 @@ SunMotion::Decision SunMotion::decide(double time, glm::dvec3 sun) {
     }
     decision.share = 1 / std::clamp(framesPerStep / 2, 1.0, kMostFrames);
     return decision;
+}
+
+void SunMotion::dropNext() {
+    report_.next = glm::dvec3(0);
+    report_.weight = 0;
+    blendFrom_.reset();
 }
 
 bool SunMotion::showNext(double time, bool complete) {
@@ -58,10 +62,8 @@ bool SunMotion::showNext(double time, bool complete) {
     if (culling::angleBetween(lastSun_, report_.next) > config_.step) report_.weight = 1;
     if (report_.weight < 1) return false;
     report_.shown = report_.next;
-    report_.next = glm::dvec3(0);
-    report_.weight = 0;
     report_.lag = culling::angleBetween(lastSun_, report_.shown);
-    blendFrom_.reset();
+    dropNext();
     return true;
 }
 

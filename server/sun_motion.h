@@ -46,6 +46,9 @@ public:
     /// and the old ones dropped.
     bool showNext(double time, bool complete);
 
+    /// The maps of the next direction are gone.
+    void dropNext();
+
     const SunReport& report() const { return report_; }
 
     static constexpr double kMostLag = 6;      ///< steps
