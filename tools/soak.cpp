@@ -28,7 +28,7 @@ uint64_t residentBytes() {
 class Life {
 public:
     Life(server::ShadowSystem& system, const world::WorldStore& store, const SoakConfig& config)
-        : system_(system), config_(config), rng_(config.seed), far_(system.config().farDistance) {
+        : system_(system), config_(config), settings_(system.config()), rng_(config.seed), far_(system.config().farDistance) {
         const world::Box bounds = store.header().bounds;
         home_ = bounds.centre();
         reach_ = glm::dvec2(bounds.extent().x, bounds.extent().z) * 0.5;
@@ -41,7 +41,10 @@ public:
     }
 
     world::Result<server::FrameReport> step(SoakReport& report) {
-        if (left_ == 0) startPhase(report);
+        if (left_ == 0) {
+            startPhase(report);
+            if (auto done = changeSettings(report); !done) return done.error();
+        }
         --left_;
         moveCamera();
         if (auto done = changeObjects(report); !done) return done.error();
@@ -97,6 +100,21 @@ private:
         }
         limited_ = budget.texels != cache::Limits::kNone;
         CHECK(system_.setBudget(budget));
+    }
+
+    /// Now and then other maps, or back to those of the beginning.
+    world::Result<world::Done> changeSettings(SoakReport& report) {
+        if (!chance(0.05)) return world::Done{};
+        server::MapSettings settings = settings_;
+        switch (rng_() % 5) {
+            case 0: break;
+            case 1: settings.cascades = std::max(1, settings.cascades - 1); break;
+            case 2: settings.guardBand = 8; break;
+            case 3: settings.smallestCaster = uniform(0, 3); break;
+            default: settings.format = gpu::DepthFormat::kD16; break;
+        }
+        ++report.reconfigurations;
+        return system_.reconfigure(settings);
     }
 
     glm::dvec3 moveSun() {
@@ -157,6 +175,7 @@ private:
 
     server::ShadowSystem& system_;
     const SoakConfig& config_;
+    server::MapSettings settings_;  ///< of the beginning
     std::mt19937 rng_;
     glm::dvec3 home_{0}, eye_{0};
     glm::dvec2 reach_{0};
