@@ -424,6 +424,8 @@ Result<Ticket> ShadowMaps::submit(const FramePlan& plan) { return impl_->submit(
 
 Result<GpuTimes> ShadowMaps::finish(Ticket ticket) { return impl_->finish(ticket); }
 
+bool ShadowMaps::remembered(Ticket ticket) const { return impl_->last - ticket < kTicketsKept; }
+
 Result<GpuTimes> ShadowMaps::execute(const FramePlan& plan) {
     const auto ticket = submit(plan);
     if (!ticket) return ticket.error();

@@ -71,9 +71,11 @@ public:
     /// only for a place: while `framesInFlight` submissions are under way, for the oldest of them. The
     /// plan may change as soon as this returns. An idle plan takes no place and is finished at once.
     world::Result<Ticket> submit(const cache::FramePlan& plan);
-    /// Waits for a submitted plan; what it cost. May be asked again, as long as fewer than kTicketsKept
-    /// plans (redraws count) have been submitted since. After an error what the maps hold is unknown.
+    /// Waits for a submitted plan; what it cost. May be asked again, as long as it is `remembered`. After an error
+    /// what the maps hold is unknown.
     world::Result<GpuTimes> finish(Ticket ticket);
+    /// Fewer than kTicketsKept plans, redraws counted, were submitted since.
+    bool remembered(Ticket ticket) const;
     static constexpr Ticket kTicketsKept = 64;
     /// `submit` and `finish`.
     world::Result<GpuTimes> execute(const cache::FramePlan& plan);

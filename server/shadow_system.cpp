@@ -133,7 +133,6 @@ struct ShadowSystem::Impl {
     uint64_t frame = 0;
     uint64_t uploadedBefore = 0;
     bool planned = false;
-    gpu::Ticket lastTicket = 0;
     struct Submitted {
         gpu::Ticket ticket = 0;
         uint64_t triangles = 0;
@@ -309,7 +308,7 @@ Result<FrameReport> ShadowSystem::advance(const FrameInput& input) {
 
     const auto ticket = s.maps->submit(s.plan);
     if (!ticket) return s.lost(ticket.error());
-    report.ticket = s.lastTicket = ticket.value();
+    report.ticket = ticket.value();
     report.submitted = !s.plan.idle();
     report.mapCascades = cascadesOf(s.plan);
     if (const auto learned = s.learnRate(report); !learned) return s.lost(learned.error());
@@ -328,6 +327,7 @@ Result<world::Done> ShadowSystem::Impl::learnRate(const FrameReport& report) {
     if (underWay.size() <= kFramesInFlight) return world::Done{};
     const auto [ticket, drawn] = underWay.front();
     underWay.pop_front();
+    if (!maps->remembered(ticket)) return world::Done{};  // long ago: little was drawn in between
     const auto times = maps->finish(ticket);
     if (!times) return times.error();
     double ms = config.timestamps ? 0 : times.value().wallMs;
@@ -337,7 +337,7 @@ Result<world::Done> ShadowSystem::Impl::learnRate(const FrameReport& report) {
 }
 
 Result<world::Done> ShadowSystem::finish(FrameReport& report) {
-    if (report.ticket + gpu::ShadowMaps::kTicketsKept <= impl_->lastTicket)
+    if (!impl_->maps->remembered(report.ticket))
         return Error{ErrorCode::kUsage, "frame " + std::to_string(report.frame) + ": too long ago to ask what the GPU took"};
     auto times = impl_->maps->finish(report.ticket);
     if (!times) return impl_->lost(times.error());

@@ -291,6 +291,18 @@ TEST(ShadowSystem, FramesOverlapWithoutADifference) {
     tests::expectSilence();
 }
 
+TEST(ShadowSystem, ALongRestBetweenFramesInFlightIsNoMatter) {
+    const auto system = make(nearWorld(), small());
+    double x = 0;
+    for (int frame = 0; frame < 100; ++frame) {
+        if (frame < 4 || frame > 90) x += 0.7;
+        const auto report = system->advance({frame / 30.0, {{x, 2, 1}, {1, 0, 0, 0}}, {}});
+        ASSERT_TRUE(report) << report.error().what;
+        ASSERT_EQ(report.value().submitted, frame < 4 || frame > 90) << "frame " << frame;
+    }
+    EXPECT_EQ(system->verify().value().differing, 0u);
+}
+
 TEST(ShadowSystem, PlansCanBeDrawnElsewhere) {
     ShadowConfig config = small();
     config.timestamps = false;
