@@ -52,32 +52,41 @@ ResidentScene::ResidentScene(const world::WorldStore& store, gpu::ShadowMaps& ma
       statics_(store.header().bounds, kSmallestCell),
       sets_(config.restSeconds, config.promotionsPerFrame) {
     sides_.push_back(std::make_unique<SunSide>(space, cascades, config.smallestCaster));
+    sides_.front()->whole = true;
 }
 
-/// All casters, as a light sees them.
-std::unique_ptr<SunSide> ResidentScene::fitted(const culling::LightSpace& space,
-                                               const std::vector<culling::Cascade>& cascades,
-                                               const SceneConfig& config) const {
-    auto side = std::make_unique<SunSide>(space, cascades, config.smallestCaster);
-    side->light.reserve(table_.slots());
-    tbb::parallel_for(world::CasterId(0), world::CasterId(table_.slots()), [&](world::CasterId id) {
-        if (table_[id].state == world::CasterState::kStatic) side->light.addStatic(id, table_);
-        if (table_[id].state == world::CasterState::kActive) side->light.addActive(id, table_);
+void ResidentScene::fit(SunSide& side, size_t slots) {
+    if (side.whole) return;
+    const size_t end = std::min(table_.slots(), side.fitted + slots);
+    side.light.reserve(table_.slots());
+    tbb::parallel_for(world::CasterId(side.fitted), world::CasterId(end), [&](world::CasterId id) {
+        if (table_[id].state == world::CasterState::kStatic) side.light.addStatic(id, table_);
+        if (table_[id].state == world::CasterState::kActive) side.light.addActive(id, table_);
     });
-    return side;
+    side.fitted = end;
+    side.whole = end == table_.slots();
 }
 
 void ResidentScene::openNext(const culling::LightSpace& space) {
     CHECK(sides_.size() == 1);
-    sides_.push_back(fitted(space, shown().light.cascades(), config_));
+    sides_.push_back(std::make_unique<SunSide>(space, shown().light.cascades(), config_.smallestCaster));
+    sides_.back()->light.reserve(table_.slots());  // what leaves before it is fitted leaves an empty box
     streamedAt_.reset();  // the new light comes through other chunks
+}
+
+bool ResidentScene::fitNext(double share) {
+    CHECK(sides_.size() == 2);
+    SunSide& next = *sides_.back();
+    fit(next, static_cast<size_t>(std::ceil(share * double(table_.slots()))));
+    return next.whole;
 }
 
 world::Result<ResidentScene::Refit> ResidentScene::refit(const std::vector<culling::Cascade>& cascades,
                                                          const SceneConfig& config, std::span<const int> from) {
     CHECK(sides_.size() == 1 && from.size() == cascades.size());
     SunSide& old = *sides_.front();
-    auto side = fitted(old.light.space(), cascades, config);
+    auto side = std::make_unique<SunSide>(old.light.space(), cascades, config.smallestCaster);
+    fit(*side, table_.slots());
     side->departures = old.departures;
     side->activeDirt = old.activeDirt;
     std::vector<cache::Arrival> arrivals = arrivals_;
@@ -111,7 +120,7 @@ void ResidentScene::apply(Refit refit) {
 }
 
 void ResidentScene::showNext() {
-    CHECK(sides_.size() == 2);
+    CHECK(sides_.size() == 2 && sides_.back()->whole);
     sides_.erase(sides_.begin());
 }
 

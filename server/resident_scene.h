@@ -66,6 +66,8 @@ struct SunSide {
     SunSide(const culling::LightSpace& space, const std::vector<culling::Cascade>& cascades, double smallestCaster)
         : light(space, cascades, smallestCaster) {}
     culling::LightCasters light;
+    size_t fitted = 0;   ///< slots of the table, from the first, whose casters were fitted when it was opened
+    bool whole = false;  ///< all were; whatever came later is placed as it comes
     std::unique_ptr<culling::Occlusion> occlusion;  ///< null: everything is drawn
     std::vector<glm::dvec2> certifiedAt;  ///< per cascade: eye at the last look for certificates
     std::vector<cache::Departure> departures;
@@ -102,6 +104,9 @@ public:
     void apply(Refit refit);
     /// Opens side 1. Its casters get no certificates: a sun that steps outlives few of them.
     void openNext(const culling::LightSpace& space);
+    /// Fits a share of all casters to side 1, from those that have been; true when all are: only then it may be viewed
+    /// or shown. Dear for all at once: the vertices of everything that is resident.
+    bool fitNext(double share);
     /// Side 1 becomes side 0, and the old one is dropped.
     void showNext();
     /// Drops side 1.
@@ -164,8 +169,8 @@ private:
     world::Result<world::Done> addChunk(std::shared_ptr<const world::Chunk> chunk, SceneChanges& changes);
     world::Result<world::CasterId> addStatic(world::MeshSlot mesh, const world::Placement& placement,
                                              world::CasterOrigin origin);
-    std::unique_ptr<SunSide> fitted(const culling::LightSpace& space, const std::vector<culling::Cascade>& cascades,
-                                    const SceneConfig& config) const;
+    /// Fits the casters of so many more slots of the table, from those that have been.
+    void fit(SunSide& side, size_t slots);
     /// Uploads the levels that the caster's cascades draw.
     world::Result<world::Done> uploadLevels(const culling::LightCasters& light, world::CasterId caster);
     void removeMesh(world::MeshSlot slot);

@@ -22,6 +22,8 @@ using world::Result;
 /// What lavapipe takes for a small triangle, to begin with; frames under a time budget correct it.
 constexpr double kFirstMsPerTriangle = 1.0 / 7000;
 constexpr size_t kFramesInFlight = 2;
+/// A new sun's casters are fitted in a quarter of the time in which its maps are filled.
+constexpr double kFitsPerFill = 4;
 constexpr double kLargestSunStep = 0.2;  // [rad]
 /// Weight of the latest frame in that correction.
 constexpr double kRateGain = 0.25;
@@ -293,7 +295,7 @@ Result<FrameReport> ShadowSystem::advance(const FrameInput& input) {
     report.limits = demand.limits;
     s.plan.reset(s.mapCount());
     shown.cache.plan(s.scene.view(0, cached), s.scene.events(0), demand, s.plan, report.cascades);
-    if (s.suns.size() == 2) {
+    if (s.suns.size() == 2 && s.scene.fitNext(kFitsPerFill * decision.share)) {
         demand.eye = s.suns[1]->space.toLight(p);
         s.planNext(demand, decision.share, report.cascades);
     }
@@ -380,6 +382,7 @@ void ShadowSystem::Impl::moveSun(const FrameInput& input, FrameReport& report, S
 /// The shown maps start anew in another direction.
 void ShadowSystem::Impl::redirect(const culling::LightSpace& space) {
     scene.openNext(space);
+    scene.fitNext(1);
     scene.showNext();
     suns.front() = makeSun(space, placeOf(shown()), cache::Cause::kSun);
 }
