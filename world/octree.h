@@ -1,27 +1,17 @@
 // world/octree.h — loose dynamic octree over boxes; finds what a swept light-space box may touch.
-// Source: Ulrich, "Loose Octrees", in Game Programming Gems, 2000 (cells with bounds twice their size).
+// Source: Ulrich, "Loose Octrees", in Game Programming Gems, 2000 (cells with bounds twice their size). A cell
+// also knows the bounds of its contents, which are several times smaller where these lie on a ground: those of
+// eight children, like eight of its items, are tested at once.
 #pragma once
 
 #include <array>
 #include <cstdint>
-#include <limits>
 #include <vector>
 
 #include "world/box.h"
+#include "world/turned_box.h"
 
 namespace world {
-
-/// Points p with lo[k] <= dot(axis[k], p) <= hi[k] for k = 0, 1, 2: a box turned any way, open ends
-/// as infinities. The axes are unit and mutually orthogonal.
-struct TurnedBox {
-    std::array<glm::dvec3, 3> axis{glm::dvec3(1, 0, 0), glm::dvec3(0, 1, 0), glm::dvec3(0, 0, 1)};
-    glm::dvec3 lo{-std::numeric_limits<double>::infinity()};
-    glm::dvec3 hi{std::numeric_limits<double>::infinity()};
-
-    /// True if the box's extent along each axis meets [lo, hi]. Conservative: never false for a box
-    /// that has a point inside.
-    bool mayTouch(const Box& box) const;
-};
 
 /// Items are numbers that the owner gives (caster indices), each with a box in world metres.
 /// A box of any size and place is accepted, also outside the bounds given at construction: it is
@@ -35,65 +25,92 @@ public:
     void insert(uint32_t item, const Box& box);
     /// `item` must be in the tree.
     void remove(uint32_t item);
-    /// Same as remove and insert, cheaper when the item stays in its cell.
-    void move(uint32_t item, const Box& box);
 
-    /// Appends every item whose box `query.mayTouch`, in ascending order of item. Deterministic.
+    /// Appends every item whose box `query.mayTouch`, and perhaps some whose box is out of its reach by a few
+    /// millionths of what the two measure and are off the tree's centre, in ascending order of item.
+    /// Deterministic; allocates nothing once `items` has room for what is found and a bit for each item up to
+    /// the largest.
     void query(const TurnedBox& query, std::vector<uint32_t>& items) const;
 
-    /// True if `test` accepts the box of any item. What it accepts of a box it must accept of every box
-    /// around it. Stops at the first.
+    /// Appends every item whose box `test` accepts, in ascending order of item. What it accepts of a box it
+    /// must accept of every box around it.
+    template <class Test>
+    void accepted(Test test, std::vector<uint32_t>& items) const {
+        const size_t first = items.size();
+        acceptedBelow(0, test, items);
+        sortFrom(first, items);
+    }
+    /// True if there is any such item. Stops at the first.
     template <class Test>
     bool any(Test test) const {
         return anyBelow(0, test);
     }
 
     size_t size() const;
-    /// CHECKs that each item is in one cell whose loose bounds hold it, and that no cell is empty.
+    /// CHECKs that each item is in one cell whose loose bounds hold it, that no cell is empty, and that what is
+    /// said of contents holds them.
     void validate() const;
 
 private:
     static constexpr uint32_t kNone = 0xffffffffu;
-    struct Entry {
-        Box box;
-        uint32_t item = 0;
+    /// Up to eight items; the last lanes of a cell may be in part unused.
+    struct Entries {
+        BoxLanes boxes;
+        std::array<uint32_t, BoxLanes::kLanes> item{};
     };
     struct Cell {
         glm::dvec3 centre{0};
         double half = 0;  ///< half edge of the tight cell; the loose one reaches twice as far
+        Box content;      ///< around all items in and below; may stay larger for a while when some leave
         std::array<uint32_t, 8> child{kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone};
-        std::vector<Entry> entries;
-        uint32_t below = 0;  ///< entries in this cell and its children
+        BoxLanes childContent;  ///< of each child
+        std::vector<Entries> entries;
+        uint32_t count = 0;  ///< items in `entries`
+        uint32_t loose = 0;  ///< of those that left, how many may have bounded the content since it was fitted
+        uint32_t below = 0;  ///< items in this cell and its children
         uint32_t parent = kNone;
         uint32_t octant = 0;  ///< place among the parent's children
     };
     struct Slot {
-        uint32_t cell = kNone, place = 0;  ///< place among that cell's entries; kNone: not in the tree
+        uint32_t cell = kNone, place = 0;  ///< place among that cell's items; kNone: not in the tree
     };
-    struct Probe;
     static bool holds(const Cell& cell, const Box& box);
     static Cell childOf(const Cell& cell, uint32_t octant);
     uint32_t cellFor(const Box& box);
     uint32_t addCell(Cell cell);
-    void visit(uint32_t cell, const Probe& probe, std::vector<uint32_t>& items) const;
+    void tellParent(uint32_t cell);
+    void fit(uint32_t cell);
+    void visit(uint32_t cell, const LaneQuery& query, std::vector<uint32_t>& items) const;
     void collect(uint32_t cell, std::vector<uint32_t>& items) const;
     void sortFrom(size_t first, std::vector<uint32_t>& items) const;
+    /// `visit(item)` for each item of a cell itself, until it returns true; whether it did.
+    template <class Visit>
+    static bool eachItem(const Cell& cell, Visit visit) {
+        for (uint32_t k = 0; k < cell.count; ++k)
+            if (visit(cell.entries[k / BoxLanes::kLanes].item[k % BoxLanes::kLanes])) return true;
+        return false;
+    }
+    template <class Test>
+    void acceptedBelow(uint32_t cell, Test& test, std::vector<uint32_t>& items) const {
+        eachItem(cells_[cell], [&](uint32_t item) {
+            if (test(boxes_[item])) items.push_back(item);
+            return false;
+        });
+        for (const uint32_t child : cells_[cell].child)
+            if (child != kNone && test(cells_[child].content)) acceptedBelow(child, test, items);
+    }
     template <class Test>
     bool anyBelow(uint32_t cell, Test& test) const {
-        for (const Entry& e : cells_[cell].entries)
-            if (test(e.box)) return true;
-        for (const uint32_t child : cells_[cell].child) {
-            if (child == kNone) continue;
-            const double reach = 2 * cells_[child].half;
-            const Box loose{cells_[child].centre - reach, cells_[child].centre + reach};
-            if (test(loose) && anyBelow(child, test)) return true;
-        }
-        return false;
+        // Most items are far below, so one of them is met sooner than one of those that no child could hold.
+        for (const uint32_t child : cells_[cell].child)
+            if (child != kNone && test(cells_[child].content) && anyBelow(child, test)) return true;
+        return eachItem(cells_[cell], [&](uint32_t item) { return test(boxes_[item]); });
     }
 
     std::vector<Cell> cells_;     ///< the first is the root; bounds of free ones mean nothing
     std::vector<uint32_t> free_;  ///< cells to be used again
     std::vector<Slot> slots_;     ///< by item
+    std::vector<Box> boxes_;      ///< likewise
     double smallest_ = 1;
     size_t size_ = 0;
 };
