@@ -10,6 +10,10 @@
 namespace world {
 namespace {
 
+/// Edge of the octree's smallest cells [chunks]: smaller ones would take more memory than the records.
+constexpr double kCellChunks = 4;
+constexpr double kLargestCell = 1e9;  // [m]
+
 /// Index of a chunk's record, or the number of records.
 size_t find(std::span<const ChunkRecord> records, ChunkKey key) {
     const auto at = std::lower_bound(records.begin(), records.end(), key,
@@ -28,7 +32,13 @@ Error overBudget(const std::string& what, uint64_t needed, uint64_t budget) {
 }  // namespace
 
 Streamer::Streamer(const WorldStore& store, uint64_t budgetBytes)
-    : store_(store), budget_(budgetBytes), chunks_(store.chunks().size()), meshes_(store.meshes().size()) {
+    : store_(store),
+      budget_(budgetBytes),
+      chunks_(store.chunks().size()),
+      places_(store.header().bounds, std::min(kCellChunks * store.header().chunkSize, kLargestCell)),
+      meshes_(store.meshes().size()) {
+    for (uint32_t i = 0; i < chunks_.size(); ++i)
+        if (const Box& bounds = store.chunks()[i].bounds; !bounds.empty()) places_.insert(i, bounds);
     const Result<std::vector<BlobInfo>> rows = store.listBlobs();
     if (!rows) {
         unlisted_ = rows.error();
@@ -60,22 +70,19 @@ Result<StreamEvents> Streamer::advance(const std::function<bool(const Box&)>& wa
                                        const std::function<bool(const Box&)>& keep) {
     if (unlisted_) return *unlisted_;
     const std::span<const ChunkRecord> records = store_.chunks();
-    std::vector<size_t> in, out;
-    for (size_t i = 0; i < records.size(); ++i) {
-        if (chunks_[i].chunk) {
-            if (!keep(records[i].bounds)) out.push_back(i);
-        } else if (!chunks_[i].failed && want(records[i].bounds)) {
-            in.push_back(i);
-        }
-    }
+    std::vector<uint32_t> in, out;
+    places_.accepted([&](const Box& bounds) { return want(bounds); }, in);
+    std::erase_if(in, [this](uint32_t i) { return chunks_[i].chunk || chunks_[i].failed; });
+    for (const uint32_t i : resident_)
+        if (!keep(records[i].bounds)) out.push_back(i);
     StreamEvents events;
     if (in.empty() && out.empty()) return events;
 
     Step step = plan(std::move(in), std::move(out));
     if (!step.in.empty() && step.bytesAfter > budget_) {
-        std::vector<size_t> unwanted;
-        for (size_t i = 0; i < records.size(); ++i)
-            if (chunks_[i].chunk && !want(records[i].bounds)) unwanted.push_back(i);
+        std::vector<uint32_t> unwanted;
+        for (const uint32_t i : resident_)
+            if (!want(records[i].bounds)) unwanted.push_back(i);
         step = plan(std::move(step.in), std::move(unwanted));
         if (step.bytesAfter > budget_) return overBudget("the chunks wanted here", step.bytesAfter, budget_);
     }
@@ -84,16 +91,16 @@ Result<StreamEvents> Streamer::advance(const std::function<bool(const Box&)>& wa
     return events;
 }
 
-Streamer::Step Streamer::plan(std::vector<size_t> in, std::vector<size_t> out) const {
+Streamer::Step Streamer::plan(std::vector<uint32_t> in, std::vector<uint32_t> out) const {
     const std::span<const ChunkRecord> records = store_.chunks();
     Step step;
     step.bytesAfter = bytes_;
     std::map<uint32_t, int64_t> users;  // how many more each mesh gets
-    for (const size_t i : in) {
+    for (const uint32_t i : in) {
         step.bytesAfter += chunks_[i].bytes;
         for (const uint32_t id : records[i].meshes) ++users[id];
     }
-    for (const size_t i : out) {
+    for (const uint32_t i : out) {
         step.bytesAfter -= chunks_[i].bytes;
         for (const uint32_t id : records[i].meshes) --users[id];
     }
@@ -115,14 +122,14 @@ Streamer::Step Streamer::plan(std::vector<size_t> in, std::vector<size_t> out) c
 }
 
 void Streamer::drop(const Step& step, StreamEvents& events) {
-    for (const size_t i : step.out) {
+    for (const uint32_t i : step.out) {
         const ChunkRecord& record = store_.chunks()[i];
         events.departures.push_back(record.key);
         for (const uint32_t id : record.meshes) --meshes_[id].users;
         chunks_[i].chunk.reset();
         bytes_ -= chunks_[i].bytes;
-        --residentChunks_;
     }
+    std::erase_if(resident_, [this](uint32_t i) { return !chunks_[i].chunk; });
     // Meshes that only arrivals will use stay, without a user for now.
     for (const uint32_t id : step.meshesOut) {
         meshes_[id].mesh.reset();
@@ -152,9 +159,11 @@ void Streamer::read(const Step& step, StreamEvents& events) {
         m.mesh = std::make_unique<const Mesh>(std::move(meshes[i]->value()));
         bytes_ += m.bytes;
     }
+    const auto stayed = static_cast<std::ptrdiff_t>(resident_.size());
     bool allArrived = true;
     for (size_t i = 0; i < chunks.size(); ++i)
         allArrived &= arrive(step.in[i], std::move(*chunks[i]), events);
+    std::inplace_merge(resident_.begin(), resident_.begin() + stayed, resident_.end());
 
     for (const uint32_t id : step.meshesIn) {
         if (meshes_[id].users == 0 || !meshes_[id].mesh) continue;
@@ -163,7 +172,7 @@ void Streamer::read(const Step& step, StreamEvents& events) {
     }
     if (allArrived) return;
     // Of chunks that did not arrive: new meshes were never announced, older ones have to depart.
-    for (const size_t i : step.in) {
+    for (const uint32_t i : step.in) {
         for (const uint32_t id : records[i].meshes) {
             MeshState& m = meshes_[id];
             if (m.users > 0 || !m.mesh) continue;
@@ -177,7 +186,7 @@ void Streamer::read(const Step& step, StreamEvents& events) {
 }
 
 /// False, with an error, for a chunk that lacks a part.
-bool Streamer::arrive(size_t record, Result<Chunk> chunk, StreamEvents& events) {
+bool Streamer::arrive(uint32_t record, Result<Chunk> chunk, StreamEvents& events) {
     const std::vector<uint32_t>& ids = store_.chunks()[record].meshes;
     const auto lacking =
         std::find_if(ids.begin(), ids.end(), [this](uint32_t id) { return !meshes_[id].mesh; });
@@ -191,7 +200,7 @@ bool Streamer::arrive(size_t record, Result<Chunk> chunk, StreamEvents& events) 
     for (const uint32_t id : ids) ++meshes_[id].users;
     chunks_[record].chunk = std::make_shared<const Chunk>(std::move(chunk.value()));
     bytes_ += chunks_[record].bytes;
-    ++residentChunks_;
+    resident_.push_back(record);
     events.bytesRead += chunks_[record].bytes;
     events.arrivals.push_back(chunks_[record].chunk);
     return true;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "world/chunk.h"
+#include "world/octree.h"
 #include "world/result.h"
 #include "world/store.h"
 
@@ -33,7 +34,9 @@ public:
     /// `store` must outlive the streamer. `budgetBytes` bounds the decoded chunks and meshes.
     Streamer(const WorldStore& store, uint64_t budgetBytes);
 
-    /// Reads every chunk whose bounds `want`, drops every resident one whose bounds `keep` refuses.
+    /// Reads every chunk whose bounds `want`, drops every resident one whose bounds `keep` refuses. What `want`
+    /// accepts of a box it must accept of every box around it: so only chunks near what is wanted are asked
+    /// about, and those that are resident. A chunk without bounds casts nothing and is never wanted.
     /// `keep` must accept what `want` accepts; the room between them is the hysteresis, which is given
     /// up where the budget needs the room: then all that is not wanted departs.
     /// kLimit, before anything is read or dropped, if the wanted chunks do not fit the budget: it names
@@ -46,7 +49,7 @@ public:
     Result<Done> pin(uint32_t mesh);
 
     bool resident(ChunkKey key) const;
-    size_t residentChunks() const { return residentChunks_; }
+    size_t residentChunks() const { return resident_.size(); }
     uint64_t residentBytes() const { return bytes_; }
     /// A resident mesh; CHECKs that it is.
     const Mesh& mesh(uint32_t id) const;
@@ -66,21 +69,22 @@ private:
     };
     /// A step, decided before anything is read. Indices of records, ids of meshes; all ascend.
     struct Step {
-        std::vector<size_t> in, out;
+        std::vector<uint32_t> in, out;
         std::vector<uint32_t> meshesIn, meshesOut;
         uint64_t bytesAfter = 0;
     };
-    Step plan(std::vector<size_t> in, std::vector<size_t> out) const;
+    Step plan(std::vector<uint32_t> in, std::vector<uint32_t> out) const;
     void drop(const Step& step, StreamEvents& events);
     void read(const Step& step, StreamEvents& events);
-    bool arrive(size_t record, Result<Chunk> chunk, StreamEvents& events);
+    bool arrive(uint32_t record, Result<Chunk> chunk, StreamEvents& events);
 
     const WorldStore& store_;
     uint64_t budget_ = 0;
     uint64_t bytes_ = 0;
-    size_t residentChunks_ = 0;
     std::optional<Error> unlisted_;  ///< the rows' sizes could not be read: nothing can be
     std::vector<ChunkState> chunks_;
+    Octree places_;  ///< bounds of the records, by index
+    std::vector<uint32_t> resident_;  ///< indices of records, ascending
     std::vector<MeshState> meshes_;  ///< index = mesh id
 };
 

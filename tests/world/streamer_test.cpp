@@ -224,6 +224,28 @@ TEST_F(StreamerTest, HysteresisGivesWayToTheBudget) {
     EXPECT_TRUE(gaveWay);
 }
 
+TEST_F(StreamerTest, AsksAboutWhatIsNearAlone) {
+    std::vector<size_t> asked, chunks;
+    for (const int aside : {16, 48}) {
+        bakeAndOpen({.seed = 59, .chunksAside = aside, .meshes = 3, .instances = 2});
+        chunks.push_back(store_->chunks().size());
+        Streamer streamer(*store_, kPlenty);
+        const auto area = around({8 * 32.0, 0, 8 * 32.0}, 60);
+        size_t calls = 0;
+        const auto want = [&](const Box& b) {
+            ++calls;
+            return area(b);
+        };
+        ASSERT_GT(streamer.advance(want, want).value().arrivals.size(), 8u);
+        asked.push_back(calls);
+        calls = 0;
+        EXPECT_TRUE(streamer.advance(want, want).value().arrivals.empty());
+        EXPECT_EQ(calls, asked.back() + streamer.residentChunks());
+    }
+    EXPECT_GT(chunks[1], 8 * chunks[0]);
+    EXPECT_LT(asked[1], asked[0] + 100);  // a few large cells more
+}
+
 TEST_F(StreamerTest, ABadChunkIsOneErrorAndTheRestGoesOn) {
     bakeAndOpen({.seed = 55, .chunksAside = 10, .meshes = 20});
     const ChunkKey bad = store_->chunks()[7].key;
