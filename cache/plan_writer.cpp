@@ -1,8 +1,5 @@
 #include "cache/plan_writer.h"
 
-#include <cmath>
-#include <limits>
-
 namespace cache {
 
 void splitAtWrap(const Lattice& lattice, const TexelRect& rect, std::vector<Piece>& pieces) {
@@ -24,12 +21,8 @@ PlanWriter::PlanWriter(const Scene& scene, const DepthRange& depth, int cascade,
                        FramePlan& plan)
     : scene_(scene), depth_(depth), cascade_(cascade), lattice_(lattice), plan_(plan) {}
 
-bool PlanWriter::begin(const Piece& piece, world::CasterId caster) {
+bool PlanWriter::begin(const Piece& piece, glm::dvec2 min, glm::dvec2 max, world::CasterId caster) {
     const culling::LightCaster& light = scene_.light[caster];
-    // A cluster whose rectangle stays out of the piece grown by one texel cannot be rasterised into
-    // it: positions are rounded by a few hundredths of a texel at most.
-    const glm::dvec2 min = (glm::dvec2(piece.rect.min) - 1.0) * lattice_.texel;
-    const glm::dvec2 max = (glm::dvec2(piece.rect.max) + 1.0) * lattice_.texel;
     if (light.bounds.max.x < min.x || light.bounds.min.x > max.x || light.bounds.max.y < min.y ||
         light.bounds.min.y > max.y)
         return false;
@@ -37,10 +30,9 @@ bool PlanWriter::begin(const Piece& piece, world::CasterId caster) {
         ++counts_.castersDropped;
         return false;
     }
-    constexpr float inf = std::numeric_limits<float>::infinity();
     const glm::dvec2 low = min - glm::dvec2(light.origin), high = max - glm::dvec2(light.origin);
-    low_ = {std::nextafter(float(low.x), -inf), std::nextafter(float(low.y), -inf)};
-    high_ = {std::nextafter(float(high.x), inf), std::nextafter(float(high.y), inf)};
+    low_ = {culling::roundedDown(low.x), culling::roundedDown(low.y)};
+    high_ = {culling::roundedUp(high.x), culling::roundedUp(high.y)};
     const auto levelIndex = static_cast<size_t>(scene_.light.level(caster, cascade_));
     caster_ = caster;
     level_ = &scene_.table.meshOf(caster).levels[levelIndex];
@@ -88,20 +80,19 @@ PlanWriter::Counts PlanWriter::draw(const Piece& piece, std::span<const world::C
                                     std::vector<DrawPass>& passes) {
     counts_ = {};
     const auto firstItem = static_cast<uint32_t>(plan_.items.size());
+    const glm::dvec2 min = lowOf(lattice_, piece.rect), max = highOf(lattice_, piece.rect);
     for (world::CasterId caster : casters) {
-        if (!begin(piece, caster)) continue;
-        const std::vector<culling::ClusterRect>& rects = scene_.light.rects(caster, cascade_);
-        for (uint32_t k = 0; k < rects.size(); ++k) {
-            const culling::ClusterRect& r = rects[k];
-            if (r.max.x < low_.x || r.min.x > high_.x || r.max.y < low_.y || r.min.y > high_.y) continue;
+        if (!begin(piece, min, max, caster)) continue;
+        culling::eachMeeting(scene_.light.rects(caster, cascade_).rows, low_, high_, [&](size_t at) {
+            const auto cluster = static_cast<uint32_t>(at);
             ++counts_.clustersFound;
-            if (hide && scene_.occlusion->hidden(cascade_, caster, k)) {
+            if (hide && scene_.occlusion->hidden(cascade_, caster, cluster)) {
                 ++counts_.clustersHidden;
-                counts_.trianglesHidden += level_->clusters[k].indexCount / 3;
-                continue;
+                counts_.trianglesHidden += level_->clusters[cluster].indexCount / 3;
+                return;
             }
-            add(k);
-        }
+            add(cluster);
+        });
     }
     const auto items = static_cast<uint32_t>(plan_.items.size()) - firstItem;
     if (items > 0) passes.push_back({piece.store, firstItem, items});

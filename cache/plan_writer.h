@@ -18,6 +18,15 @@ struct Piece {
     StoreRect store;
 };
 
+/// Low and high corner [m] of what may be rasterised into a rectangle: it and one texel around it, since positions
+/// are rounded by a few hundredths of a texel at most.
+inline glm::dvec2 lowOf(const Lattice& lattice, const TexelRect& rect) {
+    return (glm::dvec2(rect.min) - 1.0) * lattice.texel;
+}
+inline glm::dvec2 highOf(const Lattice& lattice, const TexelRect& rect) {
+    return (glm::dvec2(rect.max) + 1.0) * lattice.texel;
+}
+
 /// Cuts `rect` (inside a window) where the stored map wraps: 1 to 4 pieces.
 void splitAtWrap(const Lattice& lattice, const TexelRect& rect, std::vector<Piece>& pieces);
 
@@ -45,7 +54,7 @@ public:
                 std::vector<DrawPass>& passes);
 
 private:
-    bool begin(const Piece& piece, world::CasterId caster);
+    bool begin(const Piece& piece, glm::dvec2 min, glm::dvec2 max, world::CasterId caster);
     void add(uint32_t cluster);
     const Scene& scene_;
     const DepthRange depth_;

@@ -20,4 +20,25 @@ void castersOver(const world::Octree& octree, const LightCasters& light, glm::dv
     });
 }
 
+void CasterRows::fill(const LightCasters& light, std::span<const world::CasterId> casters) {
+    ids_.assign(casters.begin(), casters.end());
+    for (auto* row : {&minX_, &minY_, &maxX_, &maxY_}) row->resize(casters.size());
+    origin_ = casters.empty() ? glm::dvec2(0) : glm::dvec2(light[casters.front()].origin);
+    for (size_t k = 0; k < casters.size(); ++k) {
+        const world::Box& b = light[casters[k]].bounds;
+        minX_[k] = roundedDown(b.min.x - origin_.x);
+        minY_[k] = roundedDown(b.min.y - origin_.y);
+        maxX_[k] = roundedUp(b.max.x - origin_.x);
+        maxY_[k] = roundedUp(b.max.y - origin_.y);
+    }
+}
+
+void CasterRows::over(glm::dvec2 min, glm::dvec2 max, std::vector<world::CasterId>& casters) const {
+    casters.clear();
+    const glm::dvec2 low = min - origin_, high = max - origin_;
+    eachMeeting({minX_.data(), minY_.data(), maxX_.data(), maxY_.data(), ids_.size()},
+                {roundedDown(low.x), roundedDown(low.y)}, {roundedUp(high.x), roundedUp(high.y)},
+                [&](size_t k) { casters.push_back(ids_[k]); });
+}
+
 }  // namespace culling

@@ -1,21 +1,8 @@
 #include "culling/light_casters.h"
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
 
 namespace culling {
-
-namespace {
-
-/// The next floats outwards, so that narrowing never shrinks a rectangle.
-ClusterRect outwards(glm::dvec2 min, glm::dvec2 max) {
-    constexpr float inf = std::numeric_limits<float>::infinity();
-    return {{std::nextafter(float(min.x), -inf), std::nextafter(float(min.y), -inf)},
-            {std::nextafter(float(max.x), inf), std::nextafter(float(max.y), inf)}};
-}
-
-}  // namespace
 
 LightCasters::LightCasters(const LightSpace& space, std::vector<Cascade> cascades, double smallestTexels)
     : space_(space), smallestTexels_(smallestTexels), cascades_(std::move(cascades)) {
@@ -30,8 +17,6 @@ LightCaster& LightCasters::place(world::CasterId id, const world::CasterTable& t
     caster.lightFromMesh = space_.lightFromWorld * glm::dmat3(placement.linear);
     caster.origin = space_.toLight(placement.translation);
     caster.bounds = {};
-    caster.rects.resize(mesh.levels.size());
-    for (auto& rects : caster.rects) rects.clear();
     const double factor = world::stretch(placement);
     for (size_t c = 0; c < cascades_.size(); ++c) {
         size_t level = mesh.levels.size() - 1;
@@ -48,43 +33,57 @@ void LightCasters::drop(LightCaster& caster) const {
         if (std::max(size.x, size.y) < smallestTexels_ * cascades_[c].texel) caster.dropped |= 1u << c;
 }
 
-void LightCasters::addStatic(world::CasterId id, const world::CasterTable& table) {
-    LightCaster& caster = place(id, table);
-    const world::Mesh& mesh = table.meshOf(id);
-    std::vector<glm::dvec3> placed;
+template <class Bounds>
+void LightCasters::fit(LightCaster& caster, const world::Mesh& mesh, Bounds bounds) const {
+    caster.rects.clear();
     for (size_t c = 0; c < cascades_.size(); ++c) {
-        const size_t at = caster.level[c];
-        if (!caster.rects[at].empty()) continue;
-        const world::MeshLevel& level = mesh.levels[at];
-        placed.clear();
-        placed.reserve(level.positions.size());
-        for (const glm::vec3& p : level.positions) placed.push_back(caster.lightFromMesh * glm::dvec3(p));
-        caster.rects[at].reserve(level.clusters.size());
-        for (const world::Cluster& cluster : level.clusters) {
-            world::Box box;
-            for (uint32_t i = 0; i < cluster.indexCount; ++i) box.add(placed[level.indices[cluster.firstIndex + i]]);
-            caster.rects[at].push_back(outwards(glm::dvec2(box.min), glm::dvec2(box.max)));
+        const auto known = std::find(caster.level.begin(), caster.level.begin() + std::ptrdiff_t(c), caster.level[c]);
+        if (const auto same = size_t(known - caster.level.begin()); same < c) {
+            caster.firstRect[c] = caster.firstRect[same];
+            caster.rectCount[c] = caster.rectCount[same];
+            continue;
+        }
+        const world::MeshLevel& level = mesh.levels[caster.level[c]];
+        const size_t first = caster.rects.size(), count = level.clusters.size();
+        caster.firstRect[c] = static_cast<uint32_t>(first);
+        caster.rectCount[c] = static_cast<uint32_t>(count);
+        caster.rects.resize(first + 4 * count);
+        float* const to = caster.rects.data() + first;
+        for (size_t k = 0; k < count; ++k) {
+            const world::Box box = bounds(level, level.clusters[k]);
+            to[k] = roundedDown(box.min.x);
+            to[count + k] = roundedDown(box.min.y);
+            to[2 * count + k] = roundedUp(box.max.x);
+            to[3 * count + k] = roundedUp(box.max.y);
             caster.bounds.add({box.min + caster.origin, box.max + caster.origin});
         }
     }
+}
+
+void LightCasters::addStatic(world::CasterId id, const world::CasterTable& table) {
+    LightCaster& caster = place(id, table);
+    std::vector<glm::dvec3> placed;
+    const world::MeshLevel* placedLevel = nullptr;
+    fit(caster, table.meshOf(id), [&](const world::MeshLevel& level, const world::Cluster& cluster) {
+        if (placedLevel != &level) {
+            placedLevel = &level;
+            placed.clear();
+            placed.reserve(level.positions.size());
+            for (const glm::vec3& p : level.positions) placed.push_back(caster.lightFromMesh * glm::dvec3(p));
+        }
+        world::Box box;
+        for (uint32_t i = 0; i < cluster.indexCount; ++i) box.add(placed[level.indices[cluster.firstIndex + i]]);
+        return box;
+    });
     drop(caster);
 }
 
 void LightCasters::addActive(world::CasterId id, const world::CasterTable& table) {
     LightCaster& caster = place(id, table);
-    const world::Mesh& mesh = table.meshOf(id);
-    for (size_t c = 0; c < cascades_.size(); ++c) {
-        const size_t at = caster.level[c];
-        if (!caster.rects[at].empty()) continue;
-        const world::MeshLevel& level = mesh.levels[at];
-        caster.rects[at].reserve(level.clusters.size());
-        for (const world::Cluster& cluster : level.clusters) {
-            const world::Box box = world::transformed({glm::dvec3(cluster.min), glm::dvec3(cluster.max)},
-                                                      caster.lightFromMesh, glm::dvec3(0));
-            caster.rects[at].push_back(outwards(glm::dvec2(box.min), glm::dvec2(box.max)));
-            caster.bounds.add({box.min + caster.origin, box.max + caster.origin});
-        }
-    }
+    fit(caster, table.meshOf(id), [&](const world::MeshLevel&, const world::Cluster& cluster) {
+        return world::transformed({glm::dvec3(cluster.min), glm::dvec3(cluster.max)}, caster.lightFromMesh,
+                                  glm::dvec3(0));
+    });
     caster.bounds = world::grown(caster.bounds, double(table[id].margin));
     drop(caster);
 }

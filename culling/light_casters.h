@@ -10,6 +10,7 @@
 
 #include "culling/cascades.h"
 #include "culling/light_space.h"
+#include "culling/rect_rows.h"
 #include "world/casters.h"
 
 namespace culling {
@@ -25,13 +26,25 @@ struct ClusterRect {
     glm::vec2 min{0}, max{0};
 };
 
+/// Those of all clusters of one level; valid until the caster is placed again.
+struct ClusterRects {
+    RectRows rows;
+    size_t size() const { return rows.count; }
+    bool empty() const { return rows.count == 0; }
+    ClusterRect operator[](size_t k) const {
+        return {{rows.minX[k], rows.minY[k]}, {rows.maxX[k], rows.maxY[k]}};
+    }
+};
+
 struct LightCaster {
     glm::dmat3 lightFromMesh{1};  ///< linear part
     glm::dvec3 origin{0};         ///< light-space place of the mesh's own origin [m]
     world::Box bounds;            ///< light space [m], over all levels in use
     std::array<uint8_t, kMaxCascades> level{};  ///< drawn in each cascade
     uint32_t dropped = 0;  ///< bit c: too small to be drawn in cascade c
-    std::vector<std::vector<ClusterRect>> rects; ///< [level][cluster]; empty for levels not in use
+    /// Per level in use: minX, minY, maxX, maxY of its clusters, one after the other.
+    std::vector<float> rects;
+    std::array<uint32_t, kMaxCascades> firstRect{}, rectCount{};  ///< into `rects`, of each cascade's level
 };
 
 /// Follows a CasterTable, by the same ids. One writer; readers may run side by side.
@@ -57,17 +70,22 @@ public:
     }
     bool drawn(world::CasterId id, int cascade) const { return (casters_[id].dropped >> cascade & 1) == 0; }
     /// None where the caster is dropped.
-    const std::vector<ClusterRect>& rects(world::CasterId id, int cascade) const {
-        if (!drawn(id, cascade)) return none_;
-        return casters_[id].rects[casters_[id].level[static_cast<size_t>(cascade)]];
+    ClusterRects rects(world::CasterId id, int cascade) const {
+        if (!drawn(id, cascade)) return {};
+        const LightCaster& caster = casters_[id];
+        const size_t count = caster.rectCount[static_cast<size_t>(cascade)];
+        const float* first = caster.rects.data() + caster.firstRect[static_cast<size_t>(cascade)];
+        return {{first, first + count, first + 2 * count, first + 3 * count, count}};
     }
 
 private:
     LightCaster& place(world::CasterId id, const world::CasterTable& table);
     void drop(LightCaster& caster) const;
+    /// `bounds(level, cluster)`: box of a cluster relative to the caster's origin.
+    template <class Bounds>
+    void fit(LightCaster& caster, const world::Mesh& mesh, Bounds bounds) const;
     LightSpace space_;
     double smallestTexels_;
-    std::vector<ClusterRect> none_;
     std::vector<Cascade> cascades_;
     std::vector<LightCaster> casters_;
 };

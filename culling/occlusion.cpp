@@ -142,7 +142,7 @@ Occlusion::Attempt Occlusion::attempt(world::CasterId caster, int cascade) const
     Attempt result;
     const LightCaster& own = light_[caster];
     const world::MeshLevel& level = table_.meshOf(caster).levels[static_cast<size_t>(light_.level(caster, cascade))];
-    const std::vector<ClusterRect>& rects = light_.rects(caster, cascade);
+    const ClusterRects rects = light_.rects(caster, cascade);
     const double texel = light_.cascades()[static_cast<size_t>(cascade)].texel;
     const double margin = kSnapTexels + reach(own, texel, config_.side) * kFloatShare;
     std::vector<SunRay> rays;
