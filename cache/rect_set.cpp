@@ -4,6 +4,25 @@
 
 namespace cache {
 
+namespace {
+
+/// What the hull of each rectangle and `rect` covers beyond the two: rows of doubles, which become vectors.
+void wasteOfHulls(const double* minX, const double* minY, const double* maxX, const double* maxY, size_t count,
+                  const TexelRect& rect, double* __restrict waste) {
+    const double lowX = double(rect.min.x), lowY = double(rect.min.y), highX = double(rect.max.x),
+                 highY = double(rect.max.y), area = (highX - lowX) * (highY - lowY);
+    for (size_t i = 0; i < count; ++i) {
+        const double hullX = (maxX[i] > highX ? maxX[i] : highX) - (minX[i] < lowX ? minX[i] : lowX);
+        const double hullY = (maxY[i] > highY ? maxY[i] : highY) - (minY[i] < lowY ? minY[i] : lowY);
+        const double cutX = (maxX[i] < highX ? maxX[i] : highX) - (minX[i] > lowX ? minX[i] : lowX);
+        const double cutY = (maxY[i] < highY ? maxY[i] : highY) - (minY[i] > lowY ? minY[i] : lowY);
+        const double shared = (cutX > 0 ? cutX : 0) * (cutY > 0 ? cutY : 0);
+        waste[i] = hullX * hullY - ((maxX[i] - minX[i]) * (maxY[i] - minY[i]) + area - shared);
+    }
+}
+
+}  // namespace
+
 void subtract(const TexelRect& rect, const TexelRect& hole, std::vector<TexelRect>& out) {
     if (rect.empty()) return;
     const TexelRect cut = intersection(rect, hole);
@@ -21,23 +40,44 @@ void subtract(const TexelRect& rect, const TexelRect& hole, std::vector<TexelRec
         if (!part.empty()) out.push_back(part);
 }
 
+void RectSet::clear() {
+    rects_.clear();
+    for (auto* row : {&minX_, &minY_, &maxX_, &maxY_, &waste_}) row->clear();
+}
+
+void RectSet::append(const TexelRect& rect) {
+    rects_.push_back(rect);
+    minX_.push_back(double(rect.min.x));
+    minY_.push_back(double(rect.min.y));
+    maxX_.push_back(double(rect.max.x));
+    maxY_.push_back(double(rect.max.y));
+    waste_.push_back(0);
+}
+
+void RectSet::replaceByLast(size_t at) {
+    rects_[at] = rects_.back();
+    rects_.pop_back();
+    for (auto* row : {&minX_, &minY_, &maxX_, &maxY_, &waste_}) {
+        (*row)[at] = row->back();
+        row->pop_back();
+    }
+}
+
 void RectSet::add(TexelRect rect) {
     if (rect.empty()) return;
     for (;;) {
+        wasteOfHulls(minX_.data(), minY_.data(), maxX_.data(), maxY_.data(), rects_.size(), rect, waste_.data());
         size_t best = rects_.size();
-        int64_t bestWaste = rects_.size() >= limit_ ? std::numeric_limits<int64_t>::max() : kRectOverhead + 1;
+        double bestWaste = rects_.size() >= limit_ ? std::numeric_limits<double>::infinity() : double(kRectOverhead + 1);
         for (size_t i = 0; i < rects_.size(); ++i) {
-            const int64_t together = rects_[i].area() + rect.area() - intersection(rects_[i], rect).area();
-            const int64_t waste = hull(rects_[i], rect).area() - together;
-            if (waste < bestWaste) {
-                bestWaste = waste;
+            if (waste_[i] < bestWaste) {
+                bestWaste = waste_[i];
                 best = i;
             }
         }
         if (best == rects_.size()) break;
         rect = hull(rect, rects_[best]);
-        rects_[best] = rects_.back();
-        rects_.pop_back();
+        replaceByLast(best);
     }
     addExactly(rect);
 }
@@ -46,17 +86,20 @@ void RectSet::addExactly(const TexelRect& rect) {
     pieces_.clear();
     if (!rect.empty()) pieces_.push_back(rect);
     for (const TexelRect& r : rects_) {
+        if (!r.overlaps(rect)) continue;
         scratch_.clear();
         for (const TexelRect& piece : pieces_) subtract(piece, r, scratch_);
         pieces_.swap(scratch_);
     }
-    rects_.insert(rects_.end(), pieces_.begin(), pieces_.end());
+    for (const TexelRect& piece : pieces_) append(piece);
 }
 
 void RectSet::remove(const TexelRect& hole) {
+    pieces_.assign(rects_.begin(), rects_.end());
+    clear();
     scratch_.clear();
-    for (const TexelRect& r : rects_) subtract(r, hole, scratch_);
-    rects_.swap(scratch_);
+    for (const TexelRect& r : pieces_) subtract(r, hole, scratch_);
+    for (const TexelRect& r : scratch_) append(r);
 }
 
 int64_t RectSet::area() const {

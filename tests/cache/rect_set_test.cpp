@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <limits>
 #include <random>
+#include <vector>
 
 namespace {
 
@@ -63,6 +65,67 @@ TEST(RectSet, MergedAdditionCoversAllAndStaysDisjoint) {
                 }
         }
     }
+}
+
+/// The same rules in whole numbers, one rectangle at a time.
+class ScalarSet {
+public:
+    explicit ScalarSet(size_t limit) : limit_(limit) {}
+    void add(TexelRect rect) {
+        if (rect.empty()) return;
+        for (;;) {
+            size_t best = rects.size();
+            int64_t bestWaste = rects.size() >= limit_ ? std::numeric_limits<int64_t>::max() : cache::kRectOverhead + 1;
+            for (size_t i = 0; i < rects.size(); ++i) {
+                const int64_t together = rects[i].area() + rect.area() - intersection(rects[i], rect).area();
+                const int64_t waste = hull(rects[i], rect).area() - together;
+                if (waste >= bestWaste) continue;
+                bestWaste = waste;
+                best = i;
+            }
+            if (best == rects.size()) break;
+            rect = hull(rect, rects[best]);
+            rects[best] = rects.back();
+            rects.pop_back();
+        }
+        std::vector<TexelRect> pieces{rect};
+        for (const TexelRect& r : rects) {
+            std::vector<TexelRect> rest;
+            for (const TexelRect& piece : pieces) cache::subtract(piece, r, rest);
+            pieces = rest;
+        }
+        rects.insert(rects.end(), pieces.begin(), pieces.end());
+    }
+    std::vector<TexelRect> rects;
+
+private:
+    size_t limit_;
+};
+
+// In rows of doubles the merges are those of whole numbers, ties included, 1000 km out at 4 cm a texel as well.
+TEST(RectSet, MergesLikeWholeNumbers) {
+    std::mt19937 rng(13);
+    size_t most = 0;
+    for (const int64_t far : {int64_t(0), int64_t(25'000'000)}) {
+        for (int round = 0; round < 60; ++round) {
+            const size_t limit = round % 3 ? 32 : 4;
+            RectSet set(limit);
+            ScalarSet truth(limit);
+            const int64_t side = round % 2 ? 8192 : 300;
+            const auto at = [&](int64_t below) { return int64_t(rng() % uint64_t(below)); };
+            for (int step = 0; step < 300; ++step) {
+                const Texel min(far + at(side), at(side) - far), size(at(round % 5 ? 40 : side), at(40));
+                set.add({min, min + size});
+                truth.add({min, min + size});
+                ASSERT_TRUE(std::equal(set.rects().begin(), set.rects().end(), truth.rects.begin(), truth.rects.end()))
+                    << "round " << round << " step " << step;
+                most = std::max(most, truth.rects.size());
+            }
+            set.clear();
+            EXPECT_TRUE(set.empty());
+        }
+    }
+    EXPECT_GT(most, 31u);
 }
 
 TEST(RectSet, KeepsDistantRectanglesApart) {
