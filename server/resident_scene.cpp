@@ -468,6 +468,32 @@ world::Result<world::Done> ResidentScene::startOcclusion(glm::dvec3 eye) {
     return world::Done{};
 }
 
+/// Static casters over a square that are new to it: over the strips that its move exposed, or just arrived. All
+/// others were there when it was last looked at.
+///   from, to  centres, then and now; light-space x, y [m]
+///   reach     half of its edge [m]
+///   casters   replaced; ascending
+void ResidentScene::newcomers(const culling::LightCasters& light, glm::dvec2 from, glm::dvec2 to, double reach,
+                              std::vector<world::CasterId>& casters) const {
+    casters.clear();
+    const glm::dvec2 low = to - reach, high = to + reach;
+    std::vector<world::CasterId> over;
+    for (int axis = 0; axis < 2; ++axis) {
+        glm::dvec2 min = low, max = high;
+        if (to[axis] > from[axis]) min[axis] = std::max(low[axis], from[axis] + reach);
+        else max[axis] = std::min(high[axis], from[axis] - reach);
+        if (to[axis] == from[axis]) continue;
+        culling::castersOver(statics_, light, min, max, over);
+        casters.insert(casters.end(), over.begin(), over.end());
+    }
+    for (const cache::Arrival& a : arrivals_) {
+        const world::Box& b = light[a.caster].bounds;  // of a static caster: what left is no arrival any more
+        if (b.min.x <= high.x && b.max.x >= low.x && b.min.y <= high.y && b.max.y >= low.y) casters.push_back(a.caster);
+    }
+    std::sort(casters.begin(), casters.end());
+    casters.erase(std::unique(casters.begin(), casters.end()), casters.end());
+}
+
 void ResidentScene::occlude(SunSide& side, glm::dvec3 eye, SceneChanges& changes) {
     // A cascade's rays are spent where its window is or soon will be: the finest cascade covers a
     // thousandth of the coarsest one's ground and would cost most of the rays.
@@ -479,9 +505,10 @@ void ResidentScene::occlude(SunSide& side, glm::dvec3 eye, SceneChanges& changes
     for (size_t c = 0; c < cascades.size(); ++c) {
         const double slack = kSlack * cascades[c].split;
         if (!first && arrivals_.empty() && glm::length(at - side.certifiedAt[c]) <= slack / 2) continue;
-        side.certifiedAt[c] = at;
         const double reach = cascades[c].texel * (config_.side / 2.0 + config_.guardBand) + slack;
-        culling::castersOver(statics_, side.light, at - reach, at + reach, near);
+        if (first) culling::castersOver(statics_, side.light, at - reach, at + reach, near);
+        else newcomers(side.light, side.certifiedAt[c], at, reach, near);
+        side.certifiedAt[c] = at;
         changes.certify += side.occlusion->admit(int(c), near);
     }
 }
@@ -499,7 +526,10 @@ world::Result<SceneChanges> ResidentScene::advance(double time, glm::dvec3 eye,
     changes.setsMs = sets.ms();
 
     const Stopwatch streaming;
-    if (auto done = stream(eye, changes); !done) return done.error();
+    if (auto done = stream(eye, changes); !done) {
+        for (auto& side : sides_) side->certifiedAt.clear();  // arrivals go unseen: look at all again
+        return done.error();
+    }
     changes.streamMs = streaming.ms();
 
     const Stopwatch occlusion;
