@@ -10,8 +10,6 @@ namespace cache {
 
 namespace {
 
-glm::dvec2 metres(const Lattice& lattice, Texel t) { return glm::dvec2(t) * lattice.texel; }
-
 TexelRect footprint(const Lattice& lattice, const world::Box& light) {
     return light.empty() ? TexelRect{} : lattice.footprint(glm::dvec2(light.min), glm::dvec2(light.max));
 }
@@ -29,8 +27,7 @@ constexpr uint64_t kRebaseFrames = 60;
 /// Static casters over a region of the lattice, with the texel of room that drawing leaves.
 void staticsOver(const Scene& scene, const Lattice& lattice, const TexelRect& rect,
                  std::vector<world::CasterId>& casters) {
-    culling::castersOver(scene.statics, scene.light, metres(lattice, rect.min - Texel(1)),
-                         metres(lattice, rect.max + Texel(1)), casters);
+    culling::castersOver(scene.statics, scene.light, lowOf(lattice, rect), highOf(lattice, rect), casters);
 }
 
 void tally(CascadeStatistics& statistics, Cost& cost, const PlanWriter::Counts& counts) {
@@ -42,14 +39,17 @@ void tally(CascadeStatistics& statistics, Cost& cost, const PlanWriter::Counts& 
 }
 
 /// Copies the dirty rectangles of the cache map over the working map and draws active casters there.
-void writeWorking(const Scene& scene, const Lattice& lattice, std::span<const TexelRect> dirt, PlanWriter& writer,
-                  CascadePlan& plan, CascadeStatistics& statistics) {
-    std::vector<Piece> pieces;
+///   pieces, casters  scratch
+void writeWorking(const culling::CasterRows& active, const Lattice& lattice, std::span<const TexelRect> dirt,
+                  PlanWriter& writer, CascadePlan& plan, CascadeStatistics& statistics, std::vector<Piece>& pieces,
+                  std::vector<world::CasterId>& casters) {
+    pieces.clear();
     for (const TexelRect& rect : dirt) splitAtWrap(lattice, rect, pieces);
     for (const Piece& piece : pieces) {
         plan.restores.push_back(piece.store);
         statistics.active.texels += static_cast<uint64_t>(piece.rect.area());
-        statistics.active += writer.draw(piece, scene.active, false, plan.activePasses).cost;
+        active.over(lowOf(lattice, piece.rect), highOf(lattice, piece.rect), casters);
+        statistics.active += writer.draw(piece, casters, false, plan.activePasses).cost;
     }
 }
 
@@ -87,27 +87,40 @@ void arrived(const Scene& scene, const Lattice& lattice, int cascade, const Texe
 
 }  // namespace
 
-/// One frame being planned.
-class ShadowCache::Frame {
-public:
+/// What each frame fills anew, in memory that it finds.
+struct ShadowCache::Scratch {
     /// A state and the cascade that it is one of.
     struct Target {
         State* state;
         int cascade;
     };
+    struct Cascade {
+        State* state = nullptr;
+        int number = 0;
+        TexelRect before;          ///< window of the frame before
+        Texel eye{0};
+        RectSet drawn, forgotten;  ///< of the cache map: what the working map must follow
+    };
+    std::vector<Target> all;
+    std::vector<Cascade> cascades;
+    std::vector<Work> work;
+    std::vector<world::CasterId> arrivals, casters;
+    culling::CasterRows active;
+    std::vector<Piece> pieces;
+    RectSet covered, fresh, dirt;
+};
+
+/// One frame being planned.
+class ShadowCache::Frame {
+public:
+    using Target = Scratch::Target;
     Frame(const ShadowCache& cache, std::span<const Target> targets, const Scene& scene, const Events& events,
           const Demand& demand, FramePlan& plan, std::span<CascadeStatistics> statistics);
     void run();
 
 private:
-    struct Cascade {
-        State& state;
-        int number;
-        TexelRect before;           ///< window of the frame before
-        Texel eye{0};
-        RectSet drawn, forgotten;   ///< of the cache map: what the working map must follow
-    };
-    CascadePlan& maps(size_t c) { return plan_.cascades[cache_.config_.firstMap + cascades_[c].state.map]; }
+    using Cascade = Scratch::Cascade;
+    CascadePlan& maps(size_t c) { return plan_.cascades[cache_.config_.firstMap + cascades_[c].state->map]; }
     void sleep(size_t cascade);
     void collect(size_t cascade);
     void drawAll();
@@ -124,28 +137,50 @@ private:
     const Demand& demand_;
     FramePlan& plan_;
     std::span<CascadeStatistics> statistics_;  ///< one per target
-    std::vector<Cascade> cascades_;            ///< likewise; all indices are into these
-    std::vector<Work> work_;
-    std::vector<world::CasterId> arrivals_, casters_;
-    std::vector<Piece> pieces_;
+    Scratch& scratch_;
+    std::vector<Cascade>& cascades_;  ///< one per target; all indices are into these
+    std::vector<Work>& work_;
+    std::vector<world::CasterId>&arrivals_, &casters_;
+    std::vector<Piece>& pieces_;
     Cost drawn_;  ///< so far, where there are limits
 };
 
 ShadowCache::Frame::Frame(const ShadowCache& cache, std::span<const Target> targets, const Scene& scene,
                           const Events& events, const Demand& demand, FramePlan& plan,
                           std::span<CascadeStatistics> statistics)
-    : cache_(cache), scene_(scene), events_(events), demand_(demand), plan_(plan), statistics_(statistics) {
+    : cache_(cache),
+      scene_(scene),
+      events_(events),
+      demand_(demand),
+      plan_(plan),
+      statistics_(statistics),
+      scratch_(*cache.scratch_),
+      cascades_(scratch_.cascades),
+      work_(scratch_.work),
+      arrivals_(scratch_.arrivals),
+      casters_(scratch_.casters),
+      pieces_(scratch_.pieces) {
+    work_.clear();
+    arrivals_.clear();
     for (const Arrival& a : events.arrivals) arrivals_.push_back(a.caster);
-    for (const auto& [state, number] : targets) {
+    scratch_.active.fill(scene.light, scene.active);
+    cascades_.resize(std::max(cascades_.size(), targets.size()));
+    for (size_t c = 0; c < targets.size(); ++c) {
+        const auto [state, number] = targets[c];
         if (!state->drawn) state->depth = state->anchor.at(demand.eye.z);
-        cascades_.push_back({*state, number, state->window, state->lattice.texelAt(glm::dvec2(demand.eye)), RectSet(),
-                             RectSet()});
+        Cascade& cascade = cascades_[c];
+        cascade.state = state;
+        cascade.number = number;
+        cascade.before = state->window;
+        cascade.eye = state->lattice.texelAt(glm::dvec2(demand.eye));
+        cascade.drawn.clear();
+        cascade.forgotten.clear();
     }
 }
 
 /// Notes what happens under a window that nobody looks at.
 void ShadowCache::Frame::sleep(size_t c) {
-    State& state = cascades_[c].state;
+    State& state = *cascades_[c].state;
     CascadeStatistics& s = statistics_[c];
     s.asleep = true;
     s.window = state.window.min;
@@ -163,7 +198,7 @@ void ShadowCache::Frame::sleep(size_t c) {
 
 /// Moves the window and lists what is to be drawn in it, the oldest debts first.
 void ShadowCache::Frame::collect(size_t c) {
-    State& state = cascades_[c].state;
+    State& state = *cascades_[c].state;
     CascadeStatistics& s = statistics_[c];
     const glm::dvec2 eye(demand_.eye);
     const TexelRect window = state.lattice.window(state.lattice.windowAt(eye)), before = state.window;
@@ -188,13 +223,14 @@ void ShadowCache::Frame::collect(size_t c) {
     state.owed.clip(window);
     forgetDepths(c, state.owed.compactUnknown());
     state.owed.compactStale();
-    RectSet covered;
+    RectSet &covered = scratch_.covered, &fresh = scratch_.fresh;
+    covered.clear();
     for (const OwedRegion& region : state.owed.regions()) {
         add(region, true);
         covered.addExactly(region.rect);
     }
     const auto cover = [&](const TexelRect& rect, Cause cause, Owes owes, bool clear) {
-        RectSet fresh;
+        fresh.clear();
         fresh.addExactly(rect);
         for (const TexelRect& r : covered.rects()) fresh.remove(r);
         for (const TexelRect& r : fresh.rects()) {
@@ -213,7 +249,7 @@ void ShadowCache::Frame::collect(size_t c) {
 }
 
 PlanWriter::Counts ShadowCache::Frame::write(const Work& work) {
-    const State& state = cascades_[size_t(work.cascade)].state;
+    const State& state = *cascades_[size_t(work.cascade)].state;
     const TexelRect& rect = work.region.rect;
     CascadePlan& cascade = maps(size_t(work.cascade));
     pieces_.clear();
@@ -250,7 +286,7 @@ void ShadowCache::Frame::drawAll() {
 void ShadowCache::Frame::forgetDepths(size_t c, const TexelRect& rect) {
     if (rect.empty()) return;
     pieces_.clear();
-    splitAtWrap(cascades_[c].state.lattice, rect, pieces_);
+    splitAtWrap(cascades_[c].state->lattice, rect, pieces_);
     CascadePlan& cascade = maps(c);
     for (const Piece& piece : pieces_)
         (cache_.config_.sabotage == Sabotage::kUnknownAsEmpty ? cascade.clears : cascade.unknowns).push_back(piece.store);
@@ -262,7 +298,7 @@ void ShadowCache::Frame::owe(const Work& work, const TexelRect& rect) {
     region.rect = rect;
     const auto c = size_t(work.cascade);
     if (region.owes == Owes::kUnknown && region.since == cache_.frame_) forgetDepths(c, rect);
-    if (cache_.config_.sabotage != Sabotage::kForgottenDebt) cascades_[c].state.owed.add(region);
+    if (cache_.config_.sabotage != Sabotage::kForgottenDebt) cascades_[c].state->owed.add(region);
 }
 
 /// Draws as much of a region as the limits leave room for, and owes the rest. False when they are used up.
@@ -318,7 +354,7 @@ bool ShadowCache::Frame::take(Work work, Limits& left) {
 void ShadowCache::Frame::drawWithin(Limits limits) {
     cutIntoBlocks(work_);
     std::vector<Texel> eyes;
-    for (const Cascade& c : cascades_) eyes.push_back(c.eye);
+    for (size_t c = 0; c < statistics_.size(); ++c) eyes.push_back(cascades_[c].eye);
     // Half of the limits goes to what has waited too long, in turn: so no texel waits for ever.
     const uint64_t now = cache_.frame_;
     const auto late = std::stable_partition(work_.begin(), work_.end(), [now](const Work& w) {
@@ -346,7 +382,7 @@ void ShadowCache::Frame::drawWithin(Limits limits) {
 /// Counts the static part on its own, from what was written.
 void ShadowCache::Frame::count(size_t c) {
     const CascadePlan& cascade = maps(c);
-    const State& state = cascades_[c].state;
+    const State& state = *cascades_[c].state;
     CascadeStatistics& s = statistics_[c];
     s.total.texels = static_cast<uint64_t>(cascades_[c].drawn.area());
     for (const DrawPass& pass : cascade.staticPasses) {
@@ -363,26 +399,27 @@ void ShadowCache::Frame::count(size_t c) {
 }
 
 void ShadowCache::Frame::run() {
-    for (size_t c = 0; c < cascades_.size(); ++c) {
+    for (size_t c = 0; c < statistics_.size(); ++c) {
         maps(c).cascade = cascades_[c].number;
         if (demand_.asleep >> cascades_[c].number & 1) sleep(c);
         else collect(c);
     }
     if (demand_.limits.limited()) drawWithin(demand_.limits);
     else drawAll();
-    for (size_t c = 0; c < cascades_.size(); ++c) {
+    for (size_t c = 0; c < statistics_.size(); ++c) {
         Cascade& cascade = cascades_[c];
-        State& state = cascade.state;
+        State& state = *cascade.state;
         count(c);
         if (statistics_[c].asleep) continue;
-        RectSet dirt = cascade.drawn;
+        RectSet& dirt = scratch_.dirt;
+        dirt = cascade.drawn;
         for (const TexelRect& rect : cascade.forgotten.rects()) dirt.addExactly(rect);
         for (const TexelRect& rect : state.slept.rects()) dirt.add(intersection(rect, state.window));
         state.slept.clear();
         for (const world::Box& box : events_.activeDirt)
             dirt.add(intersection(footprint(state.lattice, box), state.window));
         PlanWriter writer(scene_, state.depth, cascade.number, state.lattice, plan_);
-        writeWorking(scene_, state.lattice, dirt.rects(), writer, maps(c), statistics_[c]);
+        writeWorking(scratch_.active, state.lattice, dirt.rects(), writer, maps(c), statistics_[c], pieces_, casters_);
     }
 }
 
@@ -393,10 +430,13 @@ ShadowCache::State::State(const culling::Cascade& cascade, const CacheConfig& co
       map(place) {}
 
 ShadowCache::ShadowCache(const std::vector<culling::Cascade>& cascades, const CacheConfig& config)
-    : spare_(cascades.size()), config_(config) {
+    : scratch_(std::make_unique<Scratch>()), spare_(cascades.size()), config_(config) {
     CHECK(config.guardBand >= 1 && config.scene.length > 0 && config.depthSteps > 0);
     for (const culling::Cascade& c : cascades) states_.emplace_back(c, config, states_.size());
 }
+
+ShadowCache::ShadowCache(ShadowCache&&) noexcept = default;
+ShadowCache::~ShadowCache() = default;
 
 TexelRect ShadowCache::windowAround(int cascade, glm::dvec2 eye) const {
     const Lattice& lattice = states_[size_t(cascade)].lattice;
@@ -432,7 +472,8 @@ void ShadowCache::plan(const Scene& scene, const Events& events, const Demand& d
     CHECK(plan.cascades.size() >= config_.firstMap + maps());
     statistics.assign(states_.size(), {});
     ++frame_;
-    std::vector<Frame::Target> all;
+    std::vector<Frame::Target>& all = scratch_->all;
+    all.clear();
     for (State& state : states_) all.push_back({&state, int(all.size())});
     Frame(*this, all, scene, events, demand, plan, statistics).run();
     if (config_.spareMap) rebase(scene, events, demand, plan, statistics);
@@ -479,6 +520,8 @@ void ShadowCache::planRedraw(const Scene& scene, FramePlan& plan, std::vector<Ca
     statistics.assign(states_.size(), {});
     std::vector<world::CasterId> casters;
     std::vector<Piece> pieces;
+    culling::CasterRows active;
+    active.fill(scene.light, scene.active);
     for (size_t c = 0; c < states_.size(); ++c) {
         const State& state = states_[c];
         if (!state.drawn) continue;
@@ -496,7 +539,7 @@ void ShadowCache::planRedraw(const Scene& scene, FramePlan& plan, std::vector<Ca
             tally(s, s.total, writer.draw(piece, casters, false, cascade.staticPasses));
         }
         s.byCause[size_t(Cause::kStart)] = s.total;
-        writeWorking(scene, state.lattice, std::span(&state.window, 1), writer, cascade, s);
+        writeWorking(active, state.lattice, std::span(&state.window, 1), writer, cascade, s, pieces, casters);
     }
 }
 

@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <glm/glm.hpp>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
@@ -100,12 +101,16 @@ struct Demand {
 class ShadowCache {
 public:
     ShadowCache(const std::vector<culling::Cascade>& cascades, const CacheConfig& config);
+    ShadowCache(ShadowCache&&) noexcept;
+    ~ShadowCache();
 
     /// Window of each cascade around an eye [light-space x, y in metres], before any plan for it.
     TexelRect windowAround(int cascade, glm::dvec2 eye) const;
 
     /// Plans the frame: afterwards the cache maps hold all static casters within the windows around the
     /// eye, and the working maps the active ones as well, but for what is owed.
+    /// Allocates nothing where there are no limits, nothing joins or leaves the static set, and no list grows
+    /// longer than before.
     ///   plan        reset by the caller, with room for this cache's maps; other caches may share it
     ///   statistics  one per cascade, replaced
     void plan(const Scene& scene, const Events& events, const Demand& demand, FramePlan& plan,
@@ -162,12 +167,14 @@ private:
         int cascade = 0;
         State next;
     };
+    struct Scratch;
     class Frame;
     void rebase(const Scene& scene, const Events& events, const Demand& demand, FramePlan& plan,
                 std::vector<CascadeStatistics>& statistics);
     size_t maps() const { return states_.size() + (config_.spareMap ? 1 : 0); }
 
     std::vector<State> states_;
+    std::unique_ptr<Scratch> scratch_;
     std::optional<Rebase> rebase_;  ///< under way
     size_t spare_;                  ///< the pair of maps that no cascade has, from config_.firstMap
     CacheConfig config_;
