@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <iostream>
 
+#include "tools/bench_culling.h"
 #include "tools/bench_report.h"
 #include "tools/bench_run.h"
 #include "tools/bench_sizes.h"
@@ -28,12 +29,13 @@ using world::Result;
 
 struct BenchOptions {
     std::string world, path, sizes, work;
-    bool yardstick = false;
+    bool yardstick = false, culling = false;
     size_t frames = 900, redraws = 20;
 };
 
 constexpr double kYardstickMs = 2;  ///< of the goal
 constexpr uint32_t kYardstickSeed = 7;
+constexpr int kCullingRounds = 7;
 
 /// Plays the motions, then prints machine, world and tables; what they cost.
 Result<std::vector<MotionCost>> measure(const world::WorldStore& store, const std::vector<Motion>& motions,
@@ -74,6 +76,12 @@ Result<Done> benchWorld(const BenchOptions& options) {
     std::vector<Motion> motions = benchMotions(track.value(), options.frames);
     if (!moverMesh(store.value()))  // terrain alone
         std::erase_if(motions, [](const Motion& motion) { return motion.movers > 0; });
+    if (options.culling) {
+        const auto bench = benchCulling(store.value(), motions, kCullingRounds);
+        if (!bench) return bench.error();
+        std::printf("%s\n%s", worldText(store.value()).c_str(), cullingTable(bench.value()).c_str());
+        return Done{};
+    }
     const auto costs = measure(store.value(), motions, options);
     if (!costs) return costs.error();
     std::printf("%s", goalText(motionGoals(costs.value(), instancesOf(store.value()))).c_str());
@@ -121,8 +129,8 @@ Result<Done> run(const BenchOptions& options) {
     const int tasks = int(!options.world.empty()) + int(options.yardstick) + int(!options.sizes.empty());
     if (tasks != 1)
         return Error{ErrorCode::kUsage, "give one of a world, --yardstick and --sizes; --help explains"};
-    if (!options.path.empty() && options.world.empty())
-        return Error{ErrorCode::kUsage, "--path: only with a world; leave it out"};
+    if ((!options.path.empty() || options.culling) && options.world.empty())
+        return Error{ErrorCode::kUsage, "--path, --culling: only with a world; leave them out"};
     if (options.yardstick) return benchYardstick(options);
     if (options.sizes.empty()) return benchWorld(options);
     const auto sizes = parseSizes(options.sizes);
@@ -143,6 +151,7 @@ int main(int argc, char** argv) {
     app.add_option("--path", options.path,
                    "camera path, TUM trajectory; beside the world by default: NAME.tum");
     app.add_flag("--yardstick", options.yardstick, "a fixed scene of 10,000 boxes on a large ground");
+    app.add_flag("--culling", options.culling, "the queries behind the plans on their own, without a GPU");
     app.add_option("--sizes", options.sizes, "N,N,...: the built-in world with so many instances each");
     app.add_option("--work", options.work, "folder that keeps the worlds of --sizes");
     app.add_option("--frames", options.frames, "most frames of a motion")->check(CLI::Range(1, 1'000'000));

@@ -6,6 +6,7 @@
 #include <random>
 
 #include "tests/server/worlds.h"
+#include "tools/bench_culling.h"
 #include "tools/bench_motion.h"
 #include "tools/bench_report.h"
 #include "tools/bench_run.h"
@@ -164,6 +165,39 @@ TEST(BenchRun, CountsWhatEachWayDraws) {
         }
     }
     tests::expectSilence();
+}
+
+TEST(BenchCulling, CountsTheSameEveryTime) {
+    const world::WorldStore store = tests::baked(tests::streets(glm::dvec3(0)), "culling.world");
+    std::vector<Pose> track;
+    go(track, 40, 0.5, -8);
+    const std::vector<Motion> motions = tools::benchMotions(track, 12);
+    const auto once = tools::benchCulling(store, motions, 1), again = tools::benchCulling(store, motions, 2);
+    ASSERT_TRUE(once) << once.error().what;
+    ASSERT_TRUE(again) << again.error().what;
+    EXPECT_EQ(once.value().chunks, store.chunks().size());
+    EXPECT_GT(once.value().clusters, once.value().casters);
+    ASSERT_EQ(once.value().costs.size(), motions.size());
+    for (size_t m = 0; m < motions.size(); ++m) {
+        const tools::CullingCost &a = once.value().costs[m], &b = again.value().costs[m];
+        EXPECT_EQ(a.motion, motions[m].name);
+        EXPECT_EQ(a.planHash, b.planHash) << a.motion;
+        ASSERT_EQ(a.stages.size(), b.stages.size());
+        const bool still = motions[m].name != "walking" && motions[m].name != "driving";
+        ASSERT_EQ(a.stages.size(), still ? 2u : 5u) << a.motion;  // nothing is exposed, nothing asked
+        for (size_t k = 0; k < a.stages.size(); ++k) {
+            EXPECT_EQ(a.stages[k].queries, b.stages[k].queries);
+            EXPECT_EQ(a.stages[k].castersFound, b.stages[k].castersFound);
+            EXPECT_EQ(a.stages[k].clustersFound, b.stages[k].clustersFound);
+        }
+        if (still) continue;
+        EXPECT_GT(a.stages[1].castersFound, 0u);
+        EXPECT_EQ(a.stages[1].castersTested, a.stages[0].castersFound);
+        EXPECT_GE(a.stages[0].castersFound, a.stages[1].castersFound);  // world boxes are wider than light-space bounds
+        EXPECT_GT(a.stages[2].clustersFound, 0u);
+        EXPECT_GE(a.stages[2].clustersTested, a.stages[2].clustersFound);
+        EXPECT_EQ(a.stages[3].castersFound, a.stages[2].castersFound);  // the plan draws what its parts find
+    }
 }
 
 TEST(MotionGoals, TakeTheBoundsAsMet) {
