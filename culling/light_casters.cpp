@@ -4,8 +4,8 @@
 
 namespace culling {
 
-LightCasters::LightCasters(const LightSpace& space, std::vector<Cascade> cascades, double smallestTexels)
-    : space_(space), smallestTexels_(smallestTexels), cascades_(std::move(cascades)) {
+LightCasters::LightCasters(const LightSpace& space, std::vector<Cascade> cascades, const Detail& detail)
+    : space_(space), detail_(detail), cascades_(std::move(cascades)) {
     CHECK(!cascades_.empty() && cascades_.size() <= kMaxCascades);
 }
 
@@ -20,7 +20,7 @@ LightCaster& LightCasters::place(world::CasterId id, const world::CasterTable& t
     const double factor = world::stretch(placement);
     for (size_t c = 0; c < cascades_.size(); ++c) {
         size_t level = mesh.levels.size() - 1;
-        while (level > 0 && mesh.levels[level].error * factor > kLevelErrorTexels * cascades_[c].texel) --level;
+        while (level > 0 && mesh.levels[level].error * factor > detail_.levelError * cascades_[c].texel) --level;
         caster.level[c] = static_cast<uint8_t>(level);
     }
     return caster;
@@ -30,7 +30,7 @@ void LightCasters::drop(LightCaster& caster) const {
     caster.dropped = 0;
     const glm::dvec2 size(caster.bounds.extent());
     for (size_t c = 0; c < cascades_.size(); ++c)
-        if (std::max(size.x, size.y) < smallestTexels_ * cascades_[c].texel) caster.dropped |= 1u << c;
+        if (std::max(size.x, size.y) < detail_.smallestTexels * cascades_[c].texel) caster.dropped |= 1u << c;
 }
 
 template <class Bounds>

@@ -17,9 +17,12 @@ namespace culling {
 
 constexpr int kMaxCascades = 8;
 
-/// A cascade draws the coarsest level whose error is below this fraction of its texel. Texels do not
-/// follow the camera, so neither does the level.
-constexpr double kLevelErrorTexels = 0.5;
+/// How much of a caster a cascade draws. Texels do not follow the camera, so neither do levels: nothing switches
+/// while the camera moves.
+struct Detail {
+    double levelError = 0.5;    ///< the coarsest level whose error is at most so many texels is drawn, > 0
+    double smallestTexels = 0;  ///< a caster whose bounds span less on both axes of the map is dropped; 0 keeps all
+};
 
 /// Bounds of a cluster in the map plane [m], relative to its caster's light-space origin.
 struct ClusterRect {
@@ -50,9 +53,8 @@ struct LightCaster {
 /// Follows a CasterTable, by the same ids. One writer; readers may run side by side.
 class LightCasters {
 public:
-    /// A caster whose bounds span less than `smallestTexels` of a cascade's texels on both axes of the map
-    /// is dropped from that cascade: not drawn, and proof of nothing. 0 keeps all.
-    LightCasters(const LightSpace& space, std::vector<Cascade> cascades, double smallestTexels = 0);
+    /// What is dropped from a cascade is not drawn there, and proof of nothing.
+    LightCasters(const LightSpace& space, std::vector<Cascade> cascades, const Detail& detail = {});
 
     const LightSpace& space() const { return space_; }
     const std::vector<Cascade>& cascades() const { return cascades_; }
@@ -85,7 +87,7 @@ private:
     template <class Bounds>
     void fit(LightCaster& caster, const world::Mesh& mesh, Bounds bounds) const;
     LightSpace space_;
-    double smallestTexels_;
+    Detail detail_;
     std::vector<Cascade> cascades_;
     std::vector<LightCaster> casters_;
 };

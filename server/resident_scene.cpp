@@ -51,7 +51,7 @@ ResidentScene::ResidentScene(const world::WorldStore& store, gpu::ShadowMaps& ma
       streamer_(store, config.residentBytes),
       statics_(store.header().bounds, kSmallestCell),
       sets_(config.restSeconds, config.promotionsPerFrame) {
-    sides_.push_back(std::make_unique<SunSide>(space, cascades, config.smallestCaster));
+    sides_.push_back(std::make_unique<SunSide>(space, cascades, config.detail));
     sides_.front()->whole = true;
 }
 
@@ -69,7 +69,7 @@ void ResidentScene::fit(SunSide& side, size_t slots) {
 
 void ResidentScene::openNext(const culling::LightSpace& space) {
     CHECK(sides_.size() == 1);
-    sides_.push_back(std::make_unique<SunSide>(space, shown().light.cascades(), config_.smallestCaster));
+    sides_.push_back(std::make_unique<SunSide>(space, shown().light.cascades(), config_.detail));
     sides_.back()->light.reserve(table_.slots());  // what leaves before it is fitted leaves an empty box
     streamedAt_.reset();  // the new light comes through other chunks
 }
@@ -85,7 +85,7 @@ world::Result<ResidentScene::Refit> ResidentScene::refit(const std::vector<culli
                                                          const SceneConfig& config, std::span<const int> from) {
     CHECK(sides_.size() == 1 && from.size() == cascades.size());
     SunSide& old = *sides_.front();
-    auto side = std::make_unique<SunSide>(old.light.space(), cascades, config.smallestCaster);
+    auto side = std::make_unique<SunSide>(old.light.space(), cascades, config.detail);
     fit(*side, table_.slots());
     side->departures = old.departures;
     side->activeDirt = old.activeDirt;

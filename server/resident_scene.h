@@ -47,7 +47,7 @@ struct SceneConfig {
     uint64_t residentBytes = 4ull << 30;
     int side = 1024;
     int guardBand = 1;  ///< [texels]
-    double smallestCaster = 0;  ///< [texels]
+    culling::Detail detail;
     bool stickyCertificates = false;  ///< a deliberate defect, for tests
 };
 
@@ -63,8 +63,8 @@ struct SceneChanges {
 
 /// The casters as one sun sees them, and what happened to them since the last `settle`.
 struct SunSide {
-    SunSide(const culling::LightSpace& space, const std::vector<culling::Cascade>& cascades, double smallestCaster)
-        : light(space, cascades, smallestCaster) {}
+    SunSide(const culling::LightSpace& space, const std::vector<culling::Cascade>& cascades, const culling::Detail& detail)
+        : light(space, cascades, detail) {}
     culling::LightCasters light;
     size_t fitted = 0;   ///< slots of the table, from the first, whose casters were fitted when it was opened
     bool whole = false;  ///< all were; whatever came later is placed as it comes
@@ -94,7 +94,7 @@ public:
         std::vector<cache::Arrival> arrivals;
         SceneConfig config;
     };
-    /// For a configuration that differs in `farDistance`, `side`, `guardBand` and `smallestCaster` alone. One side, no
+    /// For a configuration that differs in `farDistance`, `side`, `guardBand` and `detail` alone. One side, no
     /// next one. kLimit and kDevice where a level that the new cascades draw cannot be uploaded.
     ///   from  per new cascade: the old one whose maps it takes over, or -1. What is drawn differently in any
     ///         of those departs and arrives, with the cause kLevel.

@@ -24,6 +24,7 @@ constexpr double kFirstMsPerTriangle = 1.0 / 7000;
 constexpr size_t kFramesInFlight = 2;
 /// A new sun's casters are fitted in a quarter of the time in which its maps are filled.
 constexpr double kFitsPerFill = 4;
+constexpr double kLargestLevelError = 64;  // [texels]
 constexpr double kLargestSunStep = 0.2;  // [rad]
 /// Weight of the latest frame in that correction.
 constexpr double kRateGain = 0.25;
@@ -71,7 +72,7 @@ gpu::GpuTimes byCascade(const gpu::GpuTimes& maps, std::span<const uint8_t> casc
 
 SceneConfig sceneConfig(const ShadowConfig& c) {
     return {c.farDistance, c.occlusion, c.raysPerCluster, c.restSeconds, c.promotionsPerFrame, c.residentBytes,
-            c.side, c.guardBand, c.smallestCaster, c.sabotage == cache::Sabotage::kStickyCertificate};
+            c.side, c.guardBand, {c.levelError, c.smallestCaster}, c.sabotage == cache::Sabotage::kStickyCertificate};
 }
 
 /// The cascades of a configuration, if all that it says of maps can be.
@@ -79,6 +80,8 @@ Result<std::vector<culling::Cascade>> checkedCascades(const ShadowConfig& config
     auto cascades = culling::makeCascades(config.cascades, config.side, config.farDistance, config.splitRatio,
                                           config.guardBand);
     if (!cascades) return cascades;
+    if (!(config.levelError > 0 && config.levelError <= kLargestLevelError))
+        return Error{ErrorCode::kUsage, "level error: give more than 0 and at most 64 texels"};
     if (!(config.smallestCaster >= 0 && std::isfinite(config.smallestCaster)))
         return Error{ErrorCode::kUsage, "smallest caster: give a number of texels, 0 or more"};
     return cascades;

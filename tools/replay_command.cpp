@@ -255,6 +255,8 @@ void addSystemOptions(CLI::App& parser, ReplayOptions& options) {
     parser.add_option("--resolution", options.shadow.side, "texels a side of each map, 64 to 8192");
     parser.add_option("--far", options.shadow.farDistance, "how far from the eye shadows reach [m]");
     parser.add_option("--guard-band", options.shadow.guardBand, "windows move in steps of this many texels");
+    parser.add_option("--level-error", options.shadow.levelError,
+                      "draw the coarsest level of detail that is off by at most so many texels; 0.5 by default");
     parser.add_option("--smallest-caster", options.shadow.smallestCaster,
                       "leave casters of less than so many texels out of a cascade; 0, the default, keeps all");
     parser.add_option("--depth", options.depthBits, "bits of a texel's depth, 16 or 32")

@@ -106,10 +106,11 @@ private:
     world::Result<world::Done> changeSettings(SoakReport& report) {
         if (!chance(0.05)) return world::Done{};
         server::MapSettings settings = settings_;
-        switch (rng_() % 5) {
+        switch (rng_() % 6) {
             case 0: break;
             case 1: settings.cascades = std::max(1, settings.cascades - 1); break;
             case 2: settings.guardBand = 8; break;
+            case 4: settings.levelError = uniform(0.2, 4); break;
             case 3: settings.smallestCaster = uniform(0, 3); break;
             default: settings.format = gpu::DepthFormat::kD16; break;
         }

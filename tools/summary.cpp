@@ -72,6 +72,7 @@ Json configJson(const ReplayHead& head) {
             {"split_ratio", config.splitRatio},
             {"guard_band", config.guardBand},
             {"depth_bits", config.format == gpu::DepthFormat::kD16 ? 16 : 32},
+            {"level_error_texels", config.levelError},
             {"smallest_caster_texels", config.smallestCaster},
             {"budget_texels", limit(config.budget.texels)},
             {"budget_triangles", limit(config.budget.triangles)},

@@ -5,6 +5,8 @@
 
 #include "server/shadow_system.h"
 #include "tests/server/worlds.h"
+#include "tests/world/terrain_fields.h"
+#include "world/terrain.h"
 
 namespace {
 
@@ -122,6 +124,86 @@ TEST(Reconfigure, SmallCastersLeaveKeptMapsAndComeBack) {
     walk.expectExact();
 }
 
+/// Hills with a cave, in terrain chunks with all their levels of detail.
+world::BakeSource hills() {
+    world::BakeSource source;
+    source.header.chunkSize = 64;
+    source.header.voxel = 2;
+    source.header.source = "hills";
+    source.header.sun = glm::normalize(glm::dvec3(0.5, -0.8, 0.2));
+    for (int x = 0; x < 6; ++x)
+        for (int z = 0; z < 6; ++z) source.chunks.push_back({x, 0, z});
+    source.make = [](world::ChunkKey key) -> world::Result<world::SourceChunk> {
+        auto made = world::makeTerrain(world::test::fieldOf(world::test::hillsWithCave, -60, 60), key, 32, 2);
+        if (!made) return made.error();
+        world::SourceChunk chunk;
+        chunk.terrain = std::move(*made.value());
+        return chunk;
+    };
+    return source;
+}
+
+TEST(Reconfigure, OtherLevelsDepartAndArriveAndMoveShadowsByLessThanTheirErrors) {
+    const world::WorldStore store = tests::baked(hills(), "hills.world");
+    ShadowConfig config;
+    config.cascades = 2;
+    config.side = 256;
+    config.farDistance = 120;
+    config.geometryBytes = 64 << 20;
+    const auto made = ShadowSystem::create(tests::validatedDevice(), store, config);
+    ASSERT_TRUE(made) << made.error().what;
+    ShadowSystem& system = *made.value();
+    const server::FrameInput input{0, {glm::dvec3(192, 10, 192), {1, 0, 0, 0}}, {}};
+    uint64_t fine = 0;
+    for (const auto& c : system.advance(input).value().cascades) fine += c.total.triangles;
+    std::vector<std::vector<float>> before;
+    for (int c = 0; c < 2; ++c) before.push_back(system.readMap(c, gpu::MapKind::kCache).value());
+
+    server::MapSettings settings = system.config();
+    settings.levelError = 2;
+    ASSERT_TRUE(system.reconfigure(settings));
+    const FrameReport coarser = system.advance(input).value();
+    uint64_t level = 0, redrawn = 0;
+    for (const auto& c : coarser.cascades) {
+        level += c.byCause[size_t(Cause::kLevel)].triangles;
+        redrawn += c.total.triangles;
+    }
+    EXPECT_EQ(level, redrawn) << "one cause";
+    EXPECT_GT(level, 0u);
+    EXPECT_LT(level, fine);
+    EXPECT_EQ(system.verify().value().differing, 0u);
+
+    // A surface that is off by 0.5 texels became one that is off by 2: each depth lies between those that were around
+    // it, up to the errors. Errors are measured at sample points, so one texel more is allowed.
+    const double errors = 0.5 + 2 + 1;
+    const int around = int(std::ceil(errors));
+    for (int c = 0; c < 2; ++c) {
+        const std::vector<float> after = system.readMap(c, gpu::MapKind::kCache).value();
+        const server::CascadeView view = system.view(c);
+        const double room = errors * view.texel / view.depthRange;
+        uint64_t moved = 0, popped = 0;
+        const auto slot = [](int64_t t) { return size_t(((t % 256) + 256) % 256); };
+        for (int64_t y = around; y < 256 - around; ++y)
+            for (int64_t x = around; x < 256 - around; ++x) {
+                const auto at = [&](int64_t i, int64_t j) {
+                    return slot(view.window.y + j) * 256 + slot(view.window.x + i);
+                };
+                const double now = double(after[at(x, y)]);
+                moved += after[at(x, y)] != before[size_t(c)][at(x, y)];
+                double low = 2, high = -1;
+                for (int64_t j = y - around; j <= y + around; ++j)
+                    for (int64_t i = x - around; i <= x + around; ++i) {
+                        const double was = double(before[size_t(c)][at(i, j)]);
+                        low = std::min(low, was);
+                        high = std::max(high, was);
+                    }
+                popped += now < low - room || now > high + room;
+            }
+        EXPECT_EQ(popped, 0u) << "cascade " << c << ", of " << moved << " texels that moved";
+        EXPECT_TRUE(c == 0 || moved > 0);
+    }
+}
+
 TEST(Reconfigure, AnySequenceStaysExact) {
     const auto system = make();
     Walk walk(*system);
@@ -154,12 +236,13 @@ TEST(Reconfigure, BadSettingsChangeNothing) {
     Walk walk(*system);
     walk.step();
     const MapSettings good = system->config();
-    for (int bad = 0; bad < 5; ++bad) {
+    for (int bad = 0; bad < 6; ++bad) {
         MapSettings settings = good;
         if (bad == 0) settings.cascades = 9;
         if (bad == 1) settings.side = 7;
         if (bad == 2) settings.farDistance = std::nan("");
         if (bad == 3) settings.smallestCaster = -1;
+        if (bad == 5) settings.levelError = 0;
         if (bad == 4) settings.guardBand = 1000;
         const auto done = system->reconfigure(settings);
         ASSERT_FALSE(done);
