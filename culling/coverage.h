@@ -1,16 +1,18 @@
-// culling/coverage.h — proof that a rasteriser covers a texel centre with a given triangle, and how deep.
+// culling/coverage.h — how deep, at each texel centre of a rectangle, triangles surely cover it.
 // Source: our own; the rules bounded here are those of the Vulkan specification, chapter
-// "Rasterization" (positions snap to a subpixel grid, edges of shared vertices leave no gap).
+// "Rasterization" (positions snap to a subpixel grid, edges of shared vertices leave no gap). Rows of a
+// triangle are spans between its edges, after Pineda, "A Parallel Algorithm for Polygon Rasterization",
+// 1988.
 #pragma once
 
 #include <algorithm>
 #include <array>
 #include <cstdint>
 #include <glm/glm.hpp>
-#include <optional>
+#include <span>
 #include <vector>
 
-#include "world/mesh.h"
+#include "world/casters.h"
 
 namespace culling {
 
@@ -24,76 +26,72 @@ using PlacedTriangle = std::array<glm::dvec3, 3>;
 /// Depth slope of a triangle [m per texel]; infinite where it is seen edge on.
 double depthSlope(const PlacedTriangle& triangle);
 
-/// Signed distance [texels] from `p` to edge e (corner e to e + 1), positive on the inner side.
-/// NaN where the triangle is seen edge on or the edge has no length.
-double edgeDistance(const PlacedTriangle& triangle, int e, glm::dvec2 p);
+/// For each texel of a rectangle the nearest bound on depth that a caster proves there: the caster surely
+/// covers the texel's centre, and no rasteriser puts it deeper. A triangle proves it alone where the centre
+/// lies inside by more than a margin; two of one caster that meet at an edge prove it together where the
+/// centre is nearer than that to this one edge. Reused from rectangle to rectangle; one thread at a time.
+class Coverage {
+public:
+    /// Forgets everything. Of `size` texels, > 0, the low corner of (0, 0) is the origin of triangles.
+    void reset(glm::ivec2 size);
 
-/// Calls `visit` with each other triangle of the level that has both ends of edge e of `triangle`, by
-/// position, until it returns true.
-template <class Visit>
-void acrossEdge(const world::MeshLevel& level, uint32_t triangle, int e, const Visit& visit);
-
-/// The farthest depth [m] at which a rasteriser can put the surface at texel centre `p`, if the
-/// triangle, alone or with the neighbour across the one edge that is near, surely covers `p`.
-///   margin     room that `p` must have [texels]: kSnapTexels plus float error of the positions
-///   neighbourOf  called with that edge for the triangle across it, placed likewise; nothing if none
-template <class NeighbourOf>
-std::optional<double> coveredDepth(const PlacedTriangle& triangle, glm::dvec2 p, double margin,
-                                   const NeighbourOf& neighbourOf);
-
-/// Depth of the triangle's plane at `p`, deepened by what its slope adds over `margin` texels [m].
-double depthBound(const PlacedTriangle& triangle, glm::dvec2 p, double margin);
-
-template <class Visit>
-void acrossEdge(const world::MeshLevel& level, uint32_t triangle, int e, const Visit& visit) {
-    const auto corner = [&level](uint32_t index) { return level.positions[level.indices[index]]; };
-    const uint32_t first = 3 * triangle;
-    const glm::vec3 a = corner(first + uint32_t(e)), b = corner(first + uint32_t(e + 1) % 3);
-    for (const world::Cluster& cluster : level.clusters) {
-        if (glm::any(glm::lessThan(glm::min(a, b), cluster.min)) ||
-            glm::any(glm::greaterThan(glm::max(a, b), cluster.max)))
-            continue;
-        for (uint32_t i = cluster.firstIndex; i < cluster.firstIndex + cluster.indexCount; i += 3) {
-            if (i == first) continue;
-            bool hasA = false, hasB = false;
-            for (uint32_t k = i; k < i + 3; ++k) {
-                hasA |= corner(k) == a;
-                hasB |= corner(k) == b;
-            }
-            if (hasA && hasB && visit(i / 3)) return;
-        }
+    /// Texels where something of the rectangle [min, max] could count, none if first > last on an axis.
+    ///   min, max  bounds in the map plane [texels]
+    struct Range {
+        glm::ivec2 first{0}, last{-1};
+        bool empty() const { return first.x > last.x || first.y > last.y; }
+    };
+    Range range(glm::dvec2 min, glm::dvec2 max, double margin) const {
+        // Centres lie at half texels. What is far outside must not reach an int.
+        const glm::dvec2 first = min - (0.5 + margin), last = max - (0.5 - margin);
+        if (!(last.x >= 0 && last.y >= 0 && first.x <= size_.x - 1 && first.y <= size_.y - 1)) return {};
+        return {{roundUp(std::max(first.x, 0.0)), roundUp(std::max(first.y, 0.0))},
+                {int(std::min(last.x, size_.x - 1.0)), int(std::min(last.y, size_.y - 1.0))}};
     }
-}
 
-template <class NeighbourOf>
-std::optional<double> coveredDepth(const PlacedTriangle& triangle, glm::dvec2 p, double margin,
-                                   const NeighbourOf& neighbourOf) {
-    int near = -1;
-    for (int e = 0; e < 3; ++e) {
-        const double d = edgeDistance(triangle, e, p);
-        if (d >= margin) continue;
-        // Near two edges is near a corner, where any number of triangles may meet.
-        if (!(d >= -margin) || near >= 0) return std::nullopt;
-        near = e;
+    /// Adds a triangle. The order of triangles does not matter, but where casters prove the same depth the first
+    /// one keeps the texel.
+    ///   margin  room that a centre must have [texels]: kSnapTexels plus float error of the positions
+    void add(world::CasterId caster, const PlacedTriangle& triangle, double margin) {
+        const glm::dvec2 a(triangle[0]), b(triangle[1]), c(triangle[2]);
+        const Range reach = range(glm::min(glm::min(a, b), c), glm::max(glm::max(a, b), c), margin);
+        if (!reach.empty()) addWithin(reach, caster, triangle, margin);
     }
-    if (near < 0) return depthBound(triangle, p, margin);
-    const std::optional<PlacedTriangle> other = neighbourOf(near);
-    if (!other) return std::nullopt;
-    const glm::dvec2 a(triangle[size_t(near)]), b(triangle[size_t((near + 1) % 3)]);
-    int clear = 0;
-    double far = 0;
-    for (int e = 0; e < 3; ++e) {
-        const glm::dvec2 oa((*other)[size_t(e)]), ob((*other)[size_t((e + 1) % 3)]);
-        const double d = edgeDistance(*other, e, p);
-        if ((oa == a && ob == b) || (oa == b && ob == a)) {
-            // The shared edge: the neighbour must lie on its far side, else the surface folds back.
-            far = edgeDistance(triangle, near, glm::dvec2((*other)[size_t((e + 2) % 3)]));
-        } else if (d >= margin) {
-            ++clear;
-        }
+    /// Joins triangles across shared edges. To be called after the last `add`, before anything is read.
+    void join();
+
+    /// Bound on the depth [m], and the caster that proves it; infinite where nothing is proven.
+    double depth(glm::ivec2 texel) const { return depths_[at(texel)]; }
+    world::CasterId caster(glm::ivec2 texel) const { return casters_[at(texel)]; }
+    /// True if the texels from `first` up to `last`, both within, are all proven nearer than `depth` [m].
+    bool nearer(glm::ivec2 first, glm::ivec2 last, double depth) const;
+
+private:
+    /// Of numbers from 0 to 2^31; std::ceil is a call on a plain x86-64.
+    static int roundUp(double value) {
+        const int whole = int(value);
+        return whole + (double(whole) < value);
     }
-    if (!(far < 0) || clear != 2) return std::nullopt;
-    return std::max(depthBound(triangle, p, margin), depthBound(*other, p, margin));
-}
+    /// One side of an edge at a centre near it: proves nothing until the other side is found.
+    struct Half {
+        size_t texel = 0;
+        world::CasterId caster = 0;
+        std::array<double, 6> edge{};  ///< both ends, in an order that does not depend on the triangle
+        bool left = false;             ///< of the edge in that order
+        double depth = 0;
+    };
+    void addWithin(const Range& reach, world::CasterId caster, const PlacedTriangle& triangle, double margin);
+    size_t at(glm::ivec2 texel) const { return size_t(texel.y) * size_t(size_.x) + size_t(texel.x); }
+    void prove(size_t texel, double depth, world::CasterId caster) {
+        if (!(depth < depths_[texel])) return;
+        depths_[texel] = depth;
+        casters_[texel] = caster;
+    }
+
+    glm::ivec2 size_{0};
+    std::vector<double> depths_;
+    std::vector<world::CasterId> casters_;
+    std::vector<Half> halves_;
+};
 
 }  // namespace culling

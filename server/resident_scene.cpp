@@ -185,8 +185,6 @@ void ResidentScene::removeMesh(world::MeshSlot slot) {
             maps_.release(id);
             uploaded_[id] = nullptr;
         }
-    for (auto& side : sides_)
-        if (side->occlusion) side->occlusion->forgetMesh(slot);
     table_.removeMesh(slot);
 }
 
@@ -455,17 +453,13 @@ world::Result<world::Done> ResidentScene::stream(glm::dvec3 eye, SceneChanges& c
     return world::Done{};
 }
 
-world::Result<world::Done> ResidentScene::startOcclusion(glm::dvec3 eye) {
+void ResidentScene::startOcclusion() {
     occlusionStarted_ = true;
     SunSide& side = *sides_.front();
-    const culling::LightSpace& space = side.light.space();
-    const world::Box extent = space.toLight(store_.header().bounds);
-    auto occlusion = culling::Occlusion::create(
-        table_, side.light,
-        {config_.raysPerCluster, std::max(1.0, extent.extent().z), space.toLight(eye), config_.side, config_.stickyCertificates});
-    if (!occlusion) return occlusion.error();
-    side.occlusion = std::move(occlusion.value());
-    return world::Done{};
+    const world::Box extent = side.light.space().toLight(store_.header().bounds);
+    const culling::SearchConfig search{config_.raysPerCluster, std::max(1.0, extent.extent().z), config_.side};
+    side.occlusion = std::make_unique<culling::Occlusion>(
+        table_, side.light, culling::OcclusionConfig{search, config_.stickyCertificates});
 }
 
 /// Static casters over a square that are new to it: over the strips that its move exposed, or just arrived. All
@@ -501,7 +495,7 @@ void ResidentScene::occlude(SunSide& side, glm::dvec3 eye, SceneChanges& changes
     const bool first = side.certifiedAt.empty();
     side.certifiedAt.resize(cascades.size());
     const glm::dvec2 at(side.light.space().toLight(eye));
-    std::vector<world::CasterId> near;
+    std::vector<world::CasterId> near, provers;
     for (size_t c = 0; c < cascades.size(); ++c) {
         const double slack = kSlack * cascades[c].split;
         if (!first && arrivals_.empty() && glm::length(at - side.certifiedAt[c]) <= slack / 2) continue;
@@ -509,7 +503,11 @@ void ResidentScene::occlude(SunSide& side, glm::dvec3 eye, SceneChanges& changes
         if (first) culling::castersOver(statics_, side.light, at - reach, at + reach, near);
         else newcomers(side.light, side.certifiedAt[c], at, reach, near);
         side.certifiedAt[c] = at;
-        changes.certify += side.occlusion->admit(int(c), near);
+        if (near.empty()) continue;
+        world::Box over;
+        for (const world::CasterId id : near) over.add(side.light[id].bounds);
+        culling::castersOver(statics_, side.light, glm::dvec2(over.min), glm::dvec2(over.max), provers);
+        changes.certify += side.occlusion->admit(int(c), near, provers);
     }
 }
 
@@ -518,8 +516,7 @@ world::Result<SceneChanges> ResidentScene::advance(double time, glm::dvec3 eye,
     SceneChanges changes;
     for (world::CasterId id : spawned_) sets_.moved(id, time);
     spawned_.clear();
-    if (config_.occlusion && !occlusionStarted_)
-        if (auto started = startOcclusion(eye); !started) return started.error();
+    if (config_.occlusion && !occlusionStarted_) startOcclusion();
     const Stopwatch sets;
     moveObjects(time, updates, changes);
     promote(time);

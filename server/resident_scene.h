@@ -174,7 +174,7 @@ private:
     /// Uploads the levels that the caster's cascades draw.
     world::Result<world::Done> uploadLevels(const culling::LightCasters& light, world::CasterId caster);
     void removeMesh(world::MeshSlot slot);
-    world::Result<world::Done> startOcclusion(glm::dvec3 eye);
+    void startOcclusion();
     void newcomers(const culling::LightCasters& light, glm::dvec2 from, glm::dvec2 to, double reach,
                    std::vector<world::CasterId>& casters) const;
     void occlude(SunSide& side, glm::dvec3 eye, SceneChanges& changes);

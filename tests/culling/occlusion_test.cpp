@@ -6,6 +6,7 @@
 
 #include <random>
 
+#include "culling/bare_rays.h"
 #include "tests/toy_scene.h"
 
 namespace {
@@ -15,6 +16,8 @@ using tests::ToyScene;
 
 constexpr int kSide = 96;
 const std::vector<culling::Cascade> kCascades{{4.4, 0.1}, {17.6, 0.4}};
+
+culling::OcclusionConfig configured(uint32_t rays, bool sticky = false) { return {{rays, 100, kSide}, sticky}; }
 
 /// Sheets and boxes in layers over each other, so that much is hidden, at random angles.
 struct Layers {
@@ -28,12 +31,11 @@ struct Layers {
         const glm::dvec3 light = scene.light.space().toLight(origin);
         depthNear = light.z - 50;
         eye = light;
-        auto made = culling::Occlusion::create(scene.table, scene.light, {4096, 100, light, kSide, sticky});
-        occlusion = std::move(made.value());
+        occlusion = std::make_unique<culling::Occlusion>(scene.table, scene.light, configured(4096, sticky));
     }
     culling::CertifyCosts certify() {
         culling::CertifyCosts costs;
-        for (int c = 0; c < int(kCascades.size()); ++c) costs += occlusion->admit(c, ids);
+        for (int c = 0; c < int(kCascades.size()); ++c) costs += occlusion->admit(c, ids, ids);
         return costs;
     }
     world::Placement somewhere(double low, double high, double tilt) {
@@ -78,6 +80,29 @@ TEST(Occlusion, WhatIsHiddenChangesNoTexel) {
         ASSERT_EQ(drawn(l, true, &hidden), drawn(l, false)) << "seed " << seed;
     }
     EXPECT_GT(hidden, 100u) << "hides too little for the test to mean something";
+}
+
+TEST(Occlusion, EmbreeFindsNoOpeningOverWhatIsHidden) {
+    size_t hidden = 0, open = 0;
+    for (uint32_t seed = 1; seed <= 6; ++seed) {
+        Layers l(seed, seed % 2 ? glm::dvec3(0) : glm::dvec3(1e6, 0, -6e6));
+        l.certify();
+        for (int c = 0; c < int(kCascades.size()); ++c) {
+            std::vector<culling::Footprint> covered, others;
+            for (const culling::Footprint& f : culling::footprints(l.scene.table, l.scene.light, c, l.ids, 4096))
+                (l.occlusion->hidden(c, f.caster, f.cluster) ? covered : others).push_back(f);
+            for (const auto* footprints : {&covered, &others}) {
+                const auto rays = culling::BareRays::create(l.scene.table, l.scene.light, c, l.ids, *footprints);
+                ASSERT_TRUE(rays);
+                const uint64_t through = rays.value()->rays() - rays.value()->shoot();
+                if (footprints == &others) open += through;
+                else ASSERT_EQ(through, 0u) << "seed " << seed << " cascade " << c;
+            }
+            hidden += covered.size();
+        }
+    }
+    EXPECT_GT(hidden, 100u);
+    EXPECT_GT(open, 10000u) << "rays that meet everything judge nothing";
 }
 
 /// Takes the casters away one by one; true while each map equals the one drawn from scratch.
@@ -148,9 +173,9 @@ TEST(Occlusion, TwinsInOnePlaceHideNeitherEachOtherNorThemselves) {
     const auto sheet = scene.addMesh(tests::sheetMesh(2, 4));
     const std::vector<world::CasterId> ids{scene.addStatic(sheet, tests::placedAt(glm::dvec3(0))),
                                            scene.addStatic(sheet, tests::placedAt(glm::dvec3(0)))};
-    auto occlusion = culling::Occlusion::create(scene.table, scene.light, {4096, 100, glm::dvec3(0), kSide, false});
-    EXPECT_EQ(occlusion.value()->admit(0, ids).certificates, 0u);
-    EXPECT_EQ(occlusion.value()->admit(0, ids).rays, 0u) << "tried once, not again";
+    culling::Occlusion occlusion(scene.table, scene.light, configured(4096));
+    EXPECT_EQ(occlusion.admit(0, ids, ids).certificates, 0u);
+    EXPECT_EQ(occlusion.admit(0, ids, ids).rays, 0u) << "tried once, not again";
 }
 
 TEST(Occlusion, ABudgetTooSmallForAFootprintDrawsIt) {
@@ -161,9 +186,8 @@ TEST(Occlusion, ABudgetTooSmallForAFootprintDrawsIt) {
                                            scene.addStatic(box, tests::placedAt({0.013, 0, 0.017}))};
     // About 20 x 20 texels in the fine cascade and 7 x 7 in the coarse one.
     for (const auto& [budget, certificates] : {std::pair(4096u, 2u), {100u, 1u}, {1u, 0u}}) {
-        auto occlusion = culling::Occlusion::create(scene.table, scene.light, {budget, 100, glm::dvec3(0), kSide, false});
-        const size_t found =
-            occlusion.value()->admit(0, ids).certificates + occlusion.value()->admit(1, ids).certificates;
+        culling::Occlusion occlusion(scene.table, scene.light, configured(budget));
+        const size_t found = occlusion.admit(0, ids, ids).certificates + occlusion.admit(1, ids, ids).certificates;
         EXPECT_EQ(found, certificates) << budget << " rays";
     }
 }
