@@ -145,7 +145,7 @@ private:
 
 void Search::cover(world::CasterId caster, glm::i64vec2 low, Scratch& scratch) const {
     const world::MeshLevel& level = levelOf(table_, light_, caster, cascade_);
-    const std::vector<ClusterRect>& rects = light_.rects(caster, cascade_);
+    const ClusterRects rects = light_.rects(caster, cascade_);
     const glm::dvec2 origin = glm::dvec2(light_[caster].origin) - glm::dvec2(low) * texel_;
     scratch.met.clear();
     size_t corners = 0;
@@ -219,7 +219,7 @@ std::vector<Footprint> footprints(const world::CasterTable& table, const LightCa
     std::vector<std::vector<Footprint>> each(casters.size());
     tbb::parallel_for(size_t(0), casters.size(), [&](size_t at) {
         const world::CasterId caster = casters[at];
-        const std::vector<ClusterRect>& rects = light.rects(caster, cascade);
+        const ClusterRects rects = light.rects(caster, cascade);
         const glm::dvec2 origin(light[caster].origin);
         const world::MeshLevel& level = levelOf(table, light, caster, cascade);
         const Placer place(light[caster], texel, glm::i64vec2(0));

@@ -34,7 +34,7 @@ TEST(CasterQuery, FindsExactlyTheCastersOverTheRectangle) {
 
 TEST(LightCasters, DropsWhatIsSmallerThanAskedAndNothingElse) {
     const std::vector<culling::Cascade> cascades{{10, 0.1}, {100, 1}};
-    culling::LightCasters light(culling::makeLightSpace({0, -1, 0}).value(), cascades, 2);
+    culling::LightCasters light(culling::makeLightSpace({0, -1, 0}).value(), cascades, {.smallestTexels = 2});
     world::CasterTable table;
     const world::Mesh box = tests::boxMesh({1, 1, 1});
     const world::MeshSlot slot = table.addMesh(box);
