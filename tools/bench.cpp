@@ -7,6 +7,7 @@
 #include <iostream>
 
 #include "tools/bench_culling.h"
+#include "tools/bench_occlusion.h"
 #include "tools/bench_report.h"
 #include "tools/bench_run.h"
 #include "tools/bench_sizes.h"
@@ -29,7 +30,7 @@ using world::Result;
 
 struct BenchOptions {
     std::string world, path, sizes, work;
-    bool yardstick = false, culling = false;
+    bool yardstick = false, culling = false, occlusion = false;
     size_t frames = 900, redraws = 20;
 };
 
@@ -64,15 +65,22 @@ Result<std::vector<MotionCost>> measure(const world::WorldStore& store, const st
     return costs;
 }
 
-Result<Done> benchWorld(const BenchOptions& options) {
-    const auto store = world::WorldStore::open(options.world);
-    if (!store) return store.error();
+/// The track of --path, or of the path beside the world.
+Result<std::vector<world::Pose>> trackOf(const BenchOptions& options) {
     const std::string file =
         options.path.empty() ? fs::path(options.world).replace_extension(".tum").string() : options.path;
     const auto path = world::readTum(file);
     if (!path) return path.error();
-    const auto track = travelled(path.value());
+    auto track = travelled(path.value());
     if (!track) return Error{track.error().code, file + ": " + track.error().what};
+    return track;
+}
+
+Result<Done> benchWorld(const BenchOptions& options) {
+    const auto store = world::WorldStore::open(options.world);
+    if (!store) return store.error();
+    const auto track = trackOf(options);
+    if (!track) return track.error();
     std::vector<Motion> motions = benchMotions(track.value(), options.frames);
     if (!moverMesh(store.value()))  // terrain alone
         std::erase_if(motions, [](const Motion& motion) { return motion.movers > 0; });
@@ -85,6 +93,19 @@ Result<Done> benchWorld(const BenchOptions& options) {
     const auto costs = measure(store.value(), motions, options);
     if (!costs) return costs.error();
     std::printf("%s", goalText(motionGoals(costs.value(), instancesOf(store.value()))).c_str());
+    return Done{};
+}
+
+Result<Done> benchSearch(const BenchOptions& options) {
+    const auto store = world::WorldStore::open(options.world);
+    if (!store) return store.error();
+    const auto track = trackOf(options);
+    if (!track) return track.error();
+    std::printf("%s\nbefore: %s\n", worldText(store.value()).c_str(), hostText().c_str());
+    const auto costs = measureSearch(store.value(), track.value().front().position, {});
+    if (!costs) return costs.error();
+    std::printf("after:  %s\n\n%s\n%s", hostText().c_str(), searchTable(costs.value()).c_str(),
+                goalText({searchGoal(costs.value())}).c_str());
     return Done{};
 }
 
@@ -129,9 +150,12 @@ Result<Done> run(const BenchOptions& options) {
     const int tasks = int(!options.world.empty()) + int(options.yardstick) + int(!options.sizes.empty());
     if (tasks != 1)
         return Error{ErrorCode::kUsage, "give one of a world, --yardstick and --sizes; --help explains"};
-    if ((!options.path.empty() || options.culling) && options.world.empty())
-        return Error{ErrorCode::kUsage, "--path, --culling: only with a world; leave them out"};
+    if ((!options.path.empty() || options.culling || options.occlusion) && options.world.empty())
+        return Error{ErrorCode::kUsage, "--path, --culling, --occlusion: only with a world; leave them out"};
+    if (options.culling && options.occlusion)
+        return Error{ErrorCode::kUsage, "give one of --culling and --occlusion"};
     if (options.yardstick) return benchYardstick(options);
+    if (options.occlusion) return benchSearch(options);
     if (options.sizes.empty()) return benchWorld(options);
     const auto sizes = parseSizes(options.sizes);
     if (!sizes) return sizes.error();
@@ -152,6 +176,7 @@ int main(int argc, char** argv) {
                    "camera path, TUM trajectory; beside the world by default: NAME.tum");
     app.add_flag("--yardstick", options.yardstick, "a fixed scene of 10,000 boxes on a large ground");
     app.add_flag("--culling", options.culling, "the queries behind the plans on their own, without a GPU");
+    app.add_flag("--occlusion", options.occlusion, "the search for hidden clusters on its own, beside bare Embree");
     app.add_option("--sizes", options.sizes, "N,N,...: the built-in world with so many instances each");
     app.add_option("--work", options.work, "folder that keeps the worlds of --sizes");
     app.add_option("--frames", options.frames, "most frames of a motion")->check(CLI::Range(1, 1'000'000));

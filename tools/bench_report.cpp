@@ -69,12 +69,16 @@ std::string format(const char* pattern, ...) {
     return text;
 }
 
-std::string machineText(const gpu::Device& device) {
+std::string hostText() {
     double load[2] = {0, 0};
     const bool known = getloadavg(load, 2) == 2;
-    return format("%s, %s; %zu threads, %s; load %s", device.name().c_str(), device.driver().c_str(),
+    return format("%zu threads, %s; load %s",
                   tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism),
                   processor().c_str(), known ? format("%.2f, %.2f", load[0], load[1]).c_str() : "unknown");
+}
+
+std::string machineText(const gpu::Device& device) {
+    return device.name() + ", " + device.driver() + "; " + hostText();
 }
 
 uint64_t instancesOf(const world::WorldStore& store) {

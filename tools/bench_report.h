@@ -10,7 +10,9 @@
 
 namespace tools {
 
-/// Device, driver, cores, processor and the load averages of 1 and 5 minutes, now.
+/// Threads, processor and the load averages of 1 and 5 minutes, now.
+std::string hostText();
+/// Device and driver as well.
 std::string machineText(const gpu::Device& device);
 /// "world.world: 50000 instances, 1024 chunks, 4096 x 4096 m".
 std::string worldText(const world::WorldStore& store);

@@ -8,6 +8,7 @@
 #include "tests/server/worlds.h"
 #include "tools/bench_culling.h"
 #include "tools/bench_motion.h"
+#include "tools/bench_occlusion.h"
 #include "tools/bench_report.h"
 #include "tools/bench_run.h"
 #include "tools/bench_sizes.h"
@@ -222,6 +223,35 @@ TEST(MotionGoals, TakeTheBoundsAsMet) {
     driving.whole = {3.1};
     standing.submissions = 1;
     EXPECT_EQ(met(), (std::vector<bool>{false, false, false}));
+}
+
+TEST(SearchCosts, CountWhatACascadeAsks) {
+    const world::WorldStore store = tests::baked(tests::streets(glm::dvec3(0)), "search.world");
+    const auto costs = tools::measureSearch(store, glm::dvec3(0, 1.7, 0), {});
+    ASSERT_TRUE(costs);
+    ASSERT_EQ(costs.value().size(), 4u);
+    uint64_t certificates = 0;
+    for (const tools::SearchCost& cost : costs.value()) {
+        EXPECT_GE(cost.counts.rays, 9 * cost.counts.clustersTested) << "a texel and its neighbours at least";
+        EXPECT_GE(cost.triangles, cost.casters);
+        EXPECT_EQ(cost.bare.size(), cost.search.size());
+        certificates += cost.counts.certificates;
+    }
+    EXPECT_GT(costs.value().back().counts.rays, 1000u);
+    EXPECT_GT(certificates, 0u);
+}
+
+TEST(SearchGoal, TakesItsBoundAsMet) {
+    tools::SearchCost fine, coarse;
+    fine.counts.rays = 1000;
+    coarse.counts.rays = 3000;
+    fine.bare = {1, 1, 50};  // medians count
+    coarse.bare = {3, 3, 3};
+    fine.search = {2, 2, 2};
+    coarse.search = {3, 3, 3};
+    EXPECT_TRUE(tools::searchGoal({fine, coarse}).met) << "4 ms of bare Embree in 5 ms";
+    coarse.search = {3.1, 3.1, 3.1};
+    EXPECT_FALSE(tools::searchGoal({fine, coarse}).met);
 }
 
 TEST(Sizes, AreWholeCountsOfInstances) {
