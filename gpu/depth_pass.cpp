@@ -3,12 +3,13 @@
 #include <algorithm>
 
 #include "gpu/shaders/depth.vert.h"
+#include "gpu/shaders/spot.vert.h"
 
 namespace gpu {
 
 using world::Result;
 
-Result<DepthPass> DepthPass::create(Device::Impl& device, uint32_t side, DepthFormat format) {
+Result<DepthPass> DepthPass::create(Device::Impl& device, uint32_t side, DepthFormat format, Projection projection) {
     constexpr uint32_t kRow = sizeof(glm::vec4);
     static_assert(sizeof(glm::mat3x4) == 3 * kRow);
     const VkVertexInputBindingDescription bindings[] = {kPositionBinding,
@@ -24,7 +25,11 @@ Result<DepthPass> DepthPass::create(Device::Impl& device, uint32_t side, DepthFo
     vertices.vertexAttributeDescriptionCount = 4;
     vertices.pVertexAttributeDescriptions = attributes;
     DepthPass pass(device, side);
-    auto pipeline = createDepthPipeline(device, kDepthVert, vertices, side, format, "depth pass");
+    auto pipeline = projection == Projection::kParallel
+                        ? createDepthPipeline(device, kDepthVert, vertices, side, format, OutOfDepth::kClamped,
+                                              "depth pass")
+                        : createDepthPipeline(device, kSpotVert, vertices, side, format, OutOfDepth::kCut,
+                                              "spot depth pass");
     if (!pipeline) return pipeline.error();
     pass.pipeline_ = std::move(pipeline.value());
     return pass;

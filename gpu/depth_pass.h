@@ -12,6 +12,12 @@
 
 namespace gpu {
 
+/// What an instance's transform leads to.
+enum class Projection {
+    kParallel,     ///< clip space; depths out of range are clamped
+    kPerspective,  ///< a spot light's frame, as cache/spot_cache.h has it; what is nearer than near is cut off
+};
+
 /// One pipeline, created once; see gpu/depth_pipeline.h for its state.
 class DepthPass {
 public:
@@ -31,7 +37,8 @@ public:
         const Buffer& commands;   ///< VkDrawIndexedIndirectCommand
     };
 
-    static world::Result<DepthPass> create(Device::Impl& device, uint32_t side, DepthFormat format);
+    static world::Result<DepthPass> create(Device::Impl& device, uint32_t side, DepthFormat format,
+                                           Projection projection = Projection::kParallel);
 
     /// The map is in kAttachmentLayout. Never submits, waits or allocates.
     void record(VkCommandBuffer commands, const Image& map, const Work& work, const Buffers& buffers);

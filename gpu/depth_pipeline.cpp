@@ -15,7 +15,7 @@ bool empty(const cache::StoreRect& rect) { return rect.max.x <= rect.min.x || re
 
 Result<DepthPipeline> createDepthPipeline(Device::Impl& device, std::span<const uint32_t> vertexShader,
                                           const VkPipelineVertexInputStateCreateInfo& vertices, uint32_t side,
-                                          DepthFormat format, const std::string& name) {
+                                          DepthFormat format, OutOfDepth outside, const std::string& name) {
     VkPipelineLayoutCreateInfo layoutInfo{};
     layoutInfo.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
     auto layout = PipelineLayoutHandle::create(device.owner, layoutInfo, name + " layout");
@@ -46,7 +46,7 @@ Result<DepthPipeline> createDepthPipeline(Device::Impl& device, std::span<const 
     viewport.scissorCount = 1;
     VkPipelineRasterizationStateCreateInfo raster{};
     raster.sType = VK_STRUCTURE_TYPE_PIPELINE_RASTERIZATION_STATE_CREATE_INFO;
-    raster.depthClampEnable = VK_TRUE;
+    raster.depthClampEnable = outside == OutOfDepth::kClamped ? VK_TRUE : VK_FALSE;
     raster.polygonMode = VK_POLYGON_MODE_FILL;
     raster.cullMode = VK_CULL_MODE_NONE;
     raster.frontFace = VK_FRONT_FACE_COUNTER_CLOCKWISE;

@@ -12,16 +12,20 @@
 
 namespace gpu {
 
-/// Triangle lists; depth test LESS, both faces, viewport (0, 0, side, side), depth [0, 1] mapped and
-/// clamped to [kNearestDepth, 1]. Since only the scissor ever changes, what a triangle leaves in a texel
-/// does not depend on the pass that drew it. The shader's only inputs are vertex attributes.
+/// Triangles beyond depth 0 and 1.
+enum class OutOfDepth { kClamped, kCut };
+
+/// Triangle lists; depth test LESS, both faces, viewport (0, 0, side, side), depth [0, 1] mapped to
+/// [kNearestDepth, 1]. Since only the scissor ever changes, what a triangle leaves in a texel does not
+/// depend on the pass that drew it. The shader's only inputs are vertex attributes.
 struct DepthPipeline {
     PipelineLayoutHandle layout;
     PipelineHandle handle;
 };
 world::Result<DepthPipeline> createDepthPipeline(Device::Impl& device, std::span<const uint32_t> vertexShader,
                                                  const VkPipelineVertexInputStateCreateInfo& vertices,
-                                                 uint32_t side, DepthFormat format, const std::string& name);
+                                                 uint32_t side, DepthFormat format, OutOfDepth outside,
+                                                 const std::string& name);
 
 /// Positions: three floats a vertex, binding 0, location 0.
 constexpr VkVertexInputBindingDescription kPositionBinding{0, 3 * sizeof(float), VK_VERTEX_INPUT_RATE_VERTEX};

@@ -101,7 +101,7 @@ Result<std::unique_ptr<Floor>> Floor::create(Device& device, const ShadowMapsCon
     vertices.pVertexBindingDescriptions = &kPositionBinding;
     vertices.vertexAttributeDescriptionCount = 1;
     vertices.pVertexAttributeDescriptions = &kPosition;
-    auto pipeline = createDepthPipeline(d, kFloorVert, vertices, side, config.format, "floor");
+    auto pipeline = createDepthPipeline(d, kFloorVert, vertices, side, config.format, OutOfDepth::kClamped, "floor");
     if (!pipeline) return pipeline.error();
     auto maps = createCascadeMaps(d, config, "floor ");
     if (!maps) return maps.error();

@@ -12,6 +12,7 @@
 #include "gpu/draw_list.h"
 #include "gpu/frame.h"
 #include "gpu/geometry_store.h"
+#include "gpu/spot_maps.h"
 #include "world/check.h"
 
 namespace gpu {
@@ -28,7 +29,7 @@ using world::Result;
 
 /// First size of a frame's buffers: a few hundred casters.
 constexpr uint64_t kFirstBytes = 64 << 10;
-/// After a cascade's static passes, its restores and its active passes; one more starts the frame.
+/// After a cascade's static passes, its restores and its active passes.
 /// Each costs a software driver 0.05 to 0.1 ms, so none is taken twice.
 constexpr uint32_t kStampsPerCascade = 3;
 
@@ -42,6 +43,7 @@ struct CascadeWork {
 struct Place {
     GrowingBuffer instances, commands;
     std::vector<CascadeWork> work;
+    uint32_t spotsEnd = 0;  ///< timestamp that ends the spot lights' part; 0: not taken
     Ticket ticket = 0;  ///< of its last submission; 0: that had none
     Frame frame;        ///< last, so that its destructor waits before the buffers go
 };
@@ -74,13 +76,15 @@ Result<std::vector<Place>> makePlaces(Device::Impl& device, const ShadowMapsConf
         auto commands = GrowingBuffer::create(device, kFirstBytes, VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
                                               "indirect draws " + number);
         if (!commands) return commands.error();
+        // One starts the frame, and one ends the spot lights' part.
         const uint32_t stamps =
-            config.timestamps ? 1 + kStampsPerCascade * static_cast<uint32_t>(config.cascades) : 0;
+            config.timestamps ? 2 + kStampsPerCascade * static_cast<uint32_t>(config.cascades) : 0;
         auto frame = Frame::create(device, stamps, "shadow maps frame " + number);
         if (!frame) return frame.error();
         places.push_back({.instances = std::move(instances.value()),
                           .commands = std::move(commands.value()),
                           .work = std::vector<CascadeWork>(static_cast<size_t>(config.cascades)),
+                          .spotsEnd = 0,
                           .ticket = 0,
                           .frame = std::move(frame.value())});
     }
@@ -100,6 +104,7 @@ struct ShadowMaps::Impl {
     GeometryStore geometry;
     std::optional<Readback> readback;        ///< made at the first read
     std::vector<CascadeMaps> maps, scratch;  ///< scratch: made at first use
+    SpotMaps spots;
     DrawList drawList;
     std::vector<VkImageCopy> copies;
     uint64_t uploaded = 0;                       ///< without geometry
@@ -111,8 +116,8 @@ struct ShadowMaps::Impl {
     Result<std::vector<CascadeMaps>> makeMaps(const ShadowMapsConfig& of, const std::string& prefix);
     Result<Done> needScratch();
     void check(const FramePlan& plan) const;
-    Result<Done> fill(const FramePlan& plan, Place& place);
-    void record(VkCommandBuffer commandBuffer, const FramePlan& plan, Place& place,
+    Result<Done> fill(const FramePlan& plan, const FramePlan& spotPlan, Place& place);
+    void record(VkCommandBuffer commandBuffer, const FramePlan& plan, const DepthPass::Buffers& buffers, Place& place,
                 std::vector<CascadeMaps>& target);
 
     Outcome& outcome(Ticket ticket) { return outcomes[ticket % kTicketsKept]; }
@@ -122,7 +127,7 @@ struct ShadowMaps::Impl {
     Result<Done> settle(Place& place);
     Result<Done> settleUpTo(Ticket ticket);
     void reclaim();
-    Result<Ticket> submit(const FramePlan& plan, std::vector<CascadeMaps>& target);
+    Result<Ticket> submit(const FramePlan& plan, const FramePlan& spotPlan, bool toScratch);
     Result<GpuTimes> finish(Ticket ticket);
 };
 
@@ -141,6 +146,7 @@ Result<std::unique_ptr<ShadowMaps>> ShadowMaps::create(Device& device, const Sha
                                         .readback = {},
                                         .maps = {},
                                         .scratch = {},
+                                        .spots = SpotMaps(d),
                                         .drawList = {},
                                         .copies = {},
                                         .outcomes = {},
@@ -246,8 +252,8 @@ void ShadowMaps::Impl::check(const FramePlan& plan) const {
 }
 
 /// Writes the place's buffers and notes each pass's draws in its `work`.
-Result<Done> ShadowMaps::Impl::fill(const FramePlan& plan, Place& place) {
-    uint64_t items = 0;
+Result<Done> ShadowMaps::Impl::fill(const FramePlan& plan, const FramePlan& spotPlan, Place& place) {
+    uint64_t items = spotPlan.items.size();
     for (const CascadePlan& cascade : plan.cascades)
         for (const auto* passes : {&cascade.staticPasses, &cascade.activePasses})
             for (const cache::DrawPass& p : *passes) items += p.itemCount;
@@ -276,6 +282,7 @@ Result<Done> ShadowMaps::Impl::fill(const FramePlan& plan, Place& place) {
         add(plan.cascades[c].staticPasses, place.work[c].staticDraws);
         add(plan.cascades[c].activePasses, place.work[c].activeDraws);
     }
+    spots.fill(spotPlan, geometry, drawList);
     uploaded += drawList.instanceCount() * sizeof(glm::mat3x4) +
                 drawList.commandCount() * sizeof(VkDrawIndexedIndirectCommand);
     return Done{};
@@ -283,11 +290,8 @@ Result<Done> ShadowMaps::Impl::fill(const FramePlan& plan, Place& place) {
 
 /// All cascades' static parts, then all restores, then all active parts: three barriers in all, and
 /// on a software driver each one waits for everything before it.
-void ShadowMaps::Impl::record(VkCommandBuffer commandBuffer, const FramePlan& plan, Place& place,
-                              std::vector<CascadeMaps>& target) {
-    const DepthPass::Buffers buffers{.geometry = geometry.buffer(),
-                                     .instances = place.instances.buffer(),
-                                     .commands = place.commands.buffer()};
+void ShadowMaps::Impl::record(VkCommandBuffer commandBuffer, const FramePlan& plan, const DepthPass::Buffers& buffers,
+                              Place& place, std::vector<CascadeMaps>& target) {
     Frame& frame = place.frame;
     std::vector<CascadeWork>& work = place.work;
     const size_t count = plan.cascades.size();
@@ -327,6 +331,7 @@ Result<Place*> ShadowMaps::Impl::claim() {
     Place& place = places[next];
     if (const auto settled = settle(place); !settled) return settled.error();
     for (CascadeWork& w : place.work) w.staticEnd = w.restoreEnd = w.activeEnd = 0;
+    place.spotsEnd = 0;
     return &place;
 }
 
@@ -335,7 +340,7 @@ Ticket ShadowMaps::Impl::giveTicket(bool submitted) {
     Outcome& o = outcome(++last);
     o.error.reset();
     o.times.cascades.assign(static_cast<size_t>(config.cascades), {});
-    o.times.recordMs = o.times.wallMs = 0;
+    o.times.spotsMs = o.times.recordMs = o.times.wallMs = 0;
     o.times.submitted = submitted;
     return last;
 }
@@ -367,6 +372,7 @@ Result<Done> ShadowMaps::Impl::settle(Place& place) {
         if (w.restoreEnd > 0) t.activeMs += place.frame.msUntil(w.restoreEnd);
         if (w.activeEnd > 0) t.activeMs += place.frame.msUntil(w.activeEnd);
     }
+    if (place.spotsEnd > 0) o.times.spotsMs = place.frame.msUntil(place.spotsEnd);
     return Done{};
 }
 
@@ -391,17 +397,25 @@ void ShadowMaps::Impl::reclaim() {
     geometry.reclaim(last);
 }
 
-Result<Ticket> ShadowMaps::Impl::submit(const FramePlan& plan, std::vector<CascadeMaps>& target) {
-    if (plan.idle()) return giveTicket(false);
+Result<Ticket> ShadowMaps::Impl::submit(const FramePlan& plan, const FramePlan& spotPlan, bool toScratch) {
+    if (plan.idle() && spotPlan.idle()) return giveTicket(false);
     check(plan);
+    spots.check(spotPlan, geometry);
     const auto claimed = claim();
     if (!claimed) return claimed.error();
     Place& place = *claimed.value();
     const auto start = std::chrono::steady_clock::now();
-    if (const auto filled = fill(plan, place); !filled) return filled.error();
+    if (const auto filled = fill(plan, spotPlan, place); !filled) return filled.error();
     const auto commandBuffer = place.frame.begin();
     if (!commandBuffer) return commandBuffer.error();
-    record(commandBuffer.value(), plan, place, target);
+    const DepthPass::Buffers buffers{.geometry = geometry.buffer(),
+                                     .instances = place.instances.buffer(),
+                                     .commands = place.commands.buffer()};
+    record(commandBuffer.value(), plan, buffers, place, toScratch ? scratch : maps);
+    if (!spotPlan.idle()) {
+        spots.record(place.frame, commandBuffer.value(), spotPlan, buffers, toScratch);
+        place.spotsEnd = place.frame.stamp();
+    }
     const double recordMs = msSince(start);
     if (const auto submitted = place.frame.submit(); !submitted) return submitted.error();
     next = (next + 1) % places.size();
@@ -420,22 +434,34 @@ Result<GpuTimes> ShadowMaps::Impl::finish(Ticket ticket) {
     return o.times;
 }
 
-Result<Ticket> ShadowMaps::submit(const FramePlan& plan) { return impl_->submit(plan, impl_->maps); }
+Result<Done> ShadowMaps::addSpot(int side) { return impl_->spots.add(side); }
+
+Result<Done> ShadowMaps::removeSpot(size_t light) {
+    if (const auto settled = impl_->settleUpTo(impl_->last); !settled) return settled;
+    impl_->spots.remove(light);
+    return Done{};
+}
+
+Result<Ticket> ShadowMaps::submit(const FramePlan& plan, const FramePlan& spots) {
+    return impl_->submit(plan, spots, false);
+}
 
 Result<GpuTimes> ShadowMaps::finish(Ticket ticket) { return impl_->finish(ticket); }
 
 bool ShadowMaps::remembered(Ticket ticket) const { return impl_->last - ticket < kTicketsKept; }
 
-Result<GpuTimes> ShadowMaps::execute(const FramePlan& plan) {
-    const auto ticket = submit(plan);
+Result<GpuTimes> ShadowMaps::execute(const FramePlan& plan, const FramePlan& spots) {
+    const auto ticket = submit(plan, spots);
     if (!ticket) return ticket.error();
     return finish(ticket.value());
 }
 
-Result<GpuTimes> ShadowMaps::redraw(const FramePlan& plan) {
+Result<GpuTimes> ShadowMaps::redraw(const FramePlan& plan, const FramePlan& spots) {
     if (const auto made = impl_->needScratch(); !made) return made.error();
+    if (!spots.idle())
+        if (const auto made = impl_->spots.needScratch(); !made) return made.error();
     if (const auto settled = impl_->settleUpTo(impl_->last); !settled) return settled.error();
-    const auto ticket = impl_->submit(plan, impl_->scratch);
+    const auto ticket = impl_->submit(plan, spots, true);
     if (!ticket) return ticket.error();
     return finish(ticket.value());
 }
@@ -464,6 +490,11 @@ Result<std::vector<float>> ShadowMaps::read(int cascade, MapKind kind) {
     impl.readback->record(frame, commandBuffer.value(), map);
     if (const auto done = impl.runAlone(*place.value()); !done) return done.error();
     return impl.readback->depths();
+}
+
+Result<std::vector<float>> ShadowMaps::readSpot(size_t light, MapKind kind) {
+    if (const auto settled = impl_->settleUpTo(impl_->last); !settled) return settled.error();
+    return impl_->spots.read(light, kind);
 }
 
 }  // namespace gpu

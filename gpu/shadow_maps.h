@@ -1,4 +1,4 @@
-// gpu/shadow_maps.h — the cascades' maps on the GPU, and the executor of frame plans.
+// gpu/shadow_maps.h — the maps of cascades and spot lights on the GPU, and the executor of frame plans.
 #pragma once
 
 #include <cstdint>
@@ -29,6 +29,7 @@ struct CascadeTimes {
 };
 struct GpuTimes {
     std::vector<CascadeTimes> cascades;
+    double spotsMs = 0;   ///< all spot lights' maps, by timestamp
     double recordMs = 0;  ///< CPU time to fill buffers and record commands
     double wallMs = 0;    ///< from vkQueueSubmit to when its fence was seen, behind earlier plans or not
     bool submitted = false;
@@ -46,7 +47,8 @@ struct ShadowMapsConfig {
 /// Number of a submitted plan; they ascend.
 using Ticket = uint64_t;
 
-/// Owns a cache map and a working map (side x side) per cascade, and an arena of geometry.
+/// Owns a cache map and a working map (side x side) per cascade, the same for each spot light in a size and
+/// D32 of its own, and an arena of geometry.
 /// New maps hold depth 1 everywhere. One thread at a time. Every error is kDevice or kLimit.
 class ShadowMaps {
 public:
@@ -67,10 +69,16 @@ public:
     uint64_t geometryBytesUsed() const;  ///< with what is released and still read
     uint64_t uploadedBytes() const;      ///< since creation: geometry, instances and commands
 
-    /// Executes the plan on the cache and working maps in one submission, after those before it. Waits
+    /// Lights are numbered from 0 in the order in which they were added; removing one moves those after it
+    /// up. Both wait for everything.
+    world::Result<world::Done> addSpot(int side);
+    world::Result<world::Done> removeSpot(size_t light);
+
+    /// Executes the plan on the cache and working maps in one submission, after those before it; with it a
+    /// plan for spot lights, which has a place for each of them, or none. Waits
     /// only for a place: while `framesInFlight` submissions are under way, for the oldest of them. The
     /// plan may change as soon as this returns. An idle plan takes no place and is finished at once.
-    world::Result<Ticket> submit(const cache::FramePlan& plan);
+    world::Result<Ticket> submit(const cache::FramePlan& plan, const cache::FramePlan& spots = {});
     /// Waits for a submitted plan; what it cost. May be asked again, as long as it is `remembered`. After an error
     /// what the maps hold is unknown.
     world::Result<GpuTimes> finish(Ticket ticket);
@@ -78,16 +86,18 @@ public:
     bool remembered(Ticket ticket) const;
     static constexpr Ticket kTicketsKept = 64;
     /// `submit` and `finish`.
-    world::Result<GpuTimes> execute(const cache::FramePlan& plan);
+    world::Result<GpuTimes> execute(const cache::FramePlan& plan, const cache::FramePlan& spots = {});
 
     /// Executes the plan on the scratch maps (made at first use) in one submission and waits for
     /// everything. Scratch maps keep what they held, like the real ones: a redraw's plan clears what it
     /// draws.
-    world::Result<GpuTimes> redraw(const cache::FramePlan& plan);
+    world::Result<GpuTimes> redraw(const cache::FramePlan& plan, const cache::FramePlan& spots = {});
 
     /// Waits for everything. Depths of a map, row by row in stored order, side * side values; units / 65535
     /// for D16.
     world::Result<std::vector<float>> read(int cascade, MapKind kind);
+    /// The same of a spot light. Scratch maps must have been drawn.
+    world::Result<std::vector<float>> readSpot(size_t light, MapKind kind);
 
 private:
     struct Impl;
