@@ -135,6 +135,8 @@ cache::Scene ResidentScene::view(size_t side, bool hide) const {
 
 void ResidentScene::settle() {
     arrivals_.clear();
+    worldDepartures_.clear();
+    worldDirt_.clear();
     for (auto& side : sides_) {
         side->departures.clear();
         side->activeDirt.clear();
@@ -151,10 +153,12 @@ void ResidentScene::placeActive(world::CasterId caster) {
 
 void ResidentScene::dirtyActive(world::CasterId caster) {
     for (auto& side : sides_) side->activeDirt.push_back(side->light[caster].bounds);
+    worldDirt_.push_back(table_[caster].bounds);
 }
 
 void ResidentScene::depart(world::CasterId caster, cache::Cause cause) {
     for (auto& side : sides_) side->departures.push_back({side->light[caster].bounds, cause});
+    worldDepartures_.push_back({table_[caster].bounds, cause});
 }
 
 size_t ResidentScene::revoke(std::span<const world::CasterId> casters) {
@@ -164,18 +168,21 @@ size_t ResidentScene::revoke(std::span<const world::CasterId> casters) {
     return revoked;
 }
 
+world::Result<cache::GeometryId> ResidentScene::uploadLevel(world::CasterId caster, size_t level) {
+    world::MeshEntry& entry = table_.mesh(table_[caster].mesh);
+    if (entry.geometry[level] != world::kNoGeometry) return entry.geometry[level];
+    auto id = maps_.upload(entry.mesh->levels[level]);
+    if (!id) return id.error();
+    entry.geometry[level] = id.value();
+    if (uploaded_.size() <= id.value()) uploaded_.resize(id.value() + size_t{1});
+    uploaded_[id.value()] = &entry.mesh->levels[level];
+    return id;
+}
+
 /// Levels follow from texels and scale: the same for every sun.
 world::Result<world::Done> ResidentScene::uploadLevels(const culling::LightCasters& light, world::CasterId caster) {
-    world::MeshEntry& entry = table_.mesh(table_[caster].mesh);
-    for (size_t c = 0; c < light.cascades().size(); ++c) {
-        const auto level = static_cast<size_t>(light.level(caster, int(c)));
-        if (entry.geometry[level] != world::kNoGeometry) continue;
-        auto id = maps_.upload(entry.mesh->levels[level]);
-        if (!id) return id.error();
-        entry.geometry[level] = id.value();
-        if (uploaded_.size() <= id.value()) uploaded_.resize(id.value() + size_t{1});
-        uploaded_[id.value()] = &entry.mesh->levels[level];
-    }
+    for (size_t c = 0; c < light.cascades().size(); ++c)
+        if (auto id = uploadLevel(caster, static_cast<size_t>(light.level(caster, int(c)))); !id) return id.error();
     return world::Done{};
 }
 

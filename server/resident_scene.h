@@ -124,6 +124,10 @@ public:
     cache::Events events(size_t side) const {
         return {sides_[side]->departures, arrivals_, sides_[side]->activeDirt};
     }
+    /// The same, with all boxes in world metres.
+    cache::Events worldEvents() const { return {worldDepartures_, arrivals_, worldDirt_}; }
+    /// What the GPU calls a level of the caster's mesh; puts it there first if need be. kLimit and kDevice.
+    world::Result<cache::GeometryId> uploadLevel(world::CasterId caster, size_t level);
     /// The caches know of all events.
     void settle();
     /// Cascades (bit c) that serve nothing which `view` can see.
@@ -195,6 +199,8 @@ private:
     std::map<std::pair<world::ChunkKey, uint32_t>, ObjectId> adopted_;
     std::optional<std::vector<world::NamedInstance>> names_;
     std::vector<cache::Arrival> arrivals_;  ///< since the last `settle`
+    std::vector<cache::Departure> worldDepartures_;  ///< likewise
+    std::vector<world::Box> worldDirt_;              ///< likewise
     uint64_t revocations_ = 0;              ///< likewise
     std::vector<world::CasterId> spawned_;  ///< active, rest from the next frame on
     std::optional<glm::dvec3> streamedAt_;  ///< eye at the last evaluation of wants

@@ -102,6 +102,7 @@ struct ShadowSystem::Impl {
           cascades(lightCascades),
           mapsPerSun(mapsFor(store, c, cascades)),
           scene(store, *maps, space, cascades, sceneConfig(c)),
+          spots(*maps, c.sabotage),
           motion(c.sunMotion, space.sun, c.method == Method::kGnomon),
           sunNow(space.sun) {
         suns.push_back(makeSun(space, 0, cache::Cause::kStart));
@@ -121,6 +122,7 @@ struct ShadowSystem::Impl {
     /// After a frame that was not drawn: what the maps hold is anybody's guess.
     Error lost(const Error& error) {
         for (auto& sun : suns) sun->cache.forget();
+        spots.forget();
         scene.settle();
         return error;
     }
@@ -131,6 +133,7 @@ struct ShadowSystem::Impl {
     std::vector<culling::Cascade> cascades;
     size_t mapsPerSun;
     ResidentScene scene;
+    SpotLights spots;
     std::vector<std::unique_ptr<Sun>> suns;  ///< as the scene's sides: the one shown and, filling, the next
     SunMotion motion;
     glm::dvec3 sunNow;
@@ -204,6 +207,14 @@ Result<ObjectId> ShadowSystem::spawn(uint32_t mesh, const world::Placement& plac
 }
 
 Result<world::Done> ShadowSystem::remove(ObjectId object) { return impl_->scene.remove(object); }
+
+Result<SpotId> ShadowSystem::addSpot(const culling::SpotLight& light) { return impl_->spots.add(light); }
+
+Result<world::Done> ShadowSystem::moveSpot(SpotId id, const culling::SpotLight& light) {
+    return impl_->spots.move(id, light);
+}
+
+Result<world::Done> ShadowSystem::removeSpot(SpotId id) { return impl_->spots.remove(id); }
 
 Result<world::Done> ShadowSystem::setBudget(const Budget& budget) {
     if (auto good = requireBudget(budget); !good) return good.error();
@@ -288,7 +299,10 @@ Result<FrameReport> ShadowSystem::advance(const FrameInput& input) {
     const auto planning = std::chrono::steady_clock::now();
     const bool cached = s.config.method == Method::kGnomon;
     Sun& shown = *s.suns.front();
-    if (!cached) shown.cache.forget();
+    if (!cached) {
+        shown.cache.forget();
+        s.spots.forget();
+    }
     cache::Demand demand{shown.space.toLight(p), shown.begin, 0, {}};
     if (cached) {
         if (!s.motion.report().redrawn) demand.limits = s.limits();
@@ -303,18 +317,19 @@ Result<FrameReport> ShadowSystem::advance(const FrameInput& input) {
         s.planNext(demand, decision.share, report.cascades);
     }
     for (auto& sun : s.suns) sun->begin = cache::Cause::kStart;
+    if (const auto planned = s.spots.plan(s.scene, report.spots); !planned) return s.lost(planned.error());
     s.scene.settle();
     report.sun = s.motion.report();
     for (size_t c = 0; c < s.cascades.size(); ++c)
         report.cascades[c].sunError = std::tan(report.sun.lag) * cache::kSunHeight / s.cascades[c].texel;
     s.planned = true;
     report.cpu.planMs = msSince(planning);
-    report.planHash = s.plan.hash();
+    report.planHash = s.spots.planHash(s.plan.hash());
 
-    const auto ticket = s.maps->submit(s.plan);
+    const auto ticket = s.maps->submit(s.plan, s.spots.planned());
     if (!ticket) return s.lost(ticket.error());
     report.ticket = ticket.value();
-    report.submitted = !s.plan.idle();
+    report.submitted = !s.plan.idle() || !s.spots.planned().idle();
     report.mapCascades = cascadesOf(s.plan);
     if (const auto learned = s.learnRate(report); !learned) return s.lost(learned.error());
     report.bytesUploaded = s.maps->uploadedBytes() - s.uploadedBefore;
@@ -431,7 +446,10 @@ Result<VerifyReport> ShadowSystem::verify() {
     CHECK(s.planned);
     s.redraw.reset(s.mapCount());
     auto report = server::verify(*s.maps, s.scene, s.suns, s.redraw);
-    if (report) report.value().redraw = byCascade(report.value().redraw, cascadesOf(s.redraw), s.cascades.size());
+    if (report) {
+        report.value().redraw = byCascade(report.value().redraw, cascadesOf(s.redraw), s.cascades.size());
+        if (const auto done = s.spots.verify(s.scene, report.value()); !done) return done.error();
+    }
     s.uploadedBefore = s.maps->uploadedBytes();
     return report;
 }
@@ -451,6 +469,17 @@ Result<std::vector<float>> ShadowSystem::readMap(int cascade, gpu::MapKind kind,
 
 Result<std::vector<PointAnswer>> ShadowSystem::lookup(std::span<const glm::dvec3> points, const LookupBias& bias) {
     return server::lookup(*impl_->maps, impl_->shown(), points, bias);
+}
+
+Result<SpotView> ShadowSystem::viewSpot(SpotId id) const { return impl_->spots.view(id); }
+
+Result<std::vector<SpotAnswer>> ShadowSystem::lookupSpot(SpotId id, std::span<const glm::dvec3> points,
+                                                         const LookupBias& bias) {
+    return impl_->spots.lookup(id, points, bias);
+}
+
+Result<std::vector<float>> ShadowSystem::readSpotMap(SpotId id, gpu::MapKind kind) {
+    return impl_->spots.readMap(id, kind);
 }
 
 Result<uint64_t> ShadowSystem::mapHash(int cascade, gpu::MapKind kind) {

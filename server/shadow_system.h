@@ -15,6 +15,7 @@
 #include "gpu/shadow_maps.h"
 #include "server/lookup.h"
 #include "server/resident_scene.h"
+#include "server/spot_lights.h"
 #include "server/sun.h"
 #include "server/sun_motion.h"
 #include "server/verification.h"
@@ -95,6 +96,7 @@ struct FrameReport {
     uint64_t frame = 0;
     double time = 0;
     std::vector<cache::CascadeStatistics> cascades;
+    std::vector<SpotReport> spots;  ///< by id
     uint32_t chunkArrivals = 0, chunkDepartures = 0;
     uint64_t bytesRead = 0;      ///< decoded
     uint64_t bytesUploaded = 0;  ///< to the GPU: geometry, transforms, commands
@@ -143,6 +145,15 @@ public:
     /// Takes the object out of the world for good, from the next frame on. kNotFound for an object that
     /// does not exist or was removed already.
     world::Result<world::Done> remove(ObjectId object);
+    /// Adds a cone of light, drawn from the next frame on. It is served by the chunks that the camera needs.
+    /// kUsage for numbers that cannot work, kLimit for more than kMostSpots; the text names the number. After
+    /// an error here or below nothing changed.
+    world::Result<SpotId> addSpot(const culling::SpotLight& light);
+    /// Places, turns or changes it, from the next frame on; all but its resolution. kNotFound for a light that
+    /// does not exist or was removed already, here and below.
+    world::Result<world::Done> moveSpot(SpotId id, const culling::SpotLight& light);
+    /// Waits for the frames under way.
+    world::Result<world::Done> removeSpot(SpotId id);
     /// kUsage for a limit of 0 or a time that is negative or not finite: the old budget stays.
     world::Result<world::Done> setBudget(const Budget& budget);
     /// Other maps from the next frame on; waits for the GPU. A cascade that serves the same distance as one before, with
@@ -165,7 +176,7 @@ public:
 
     /// Cost of a whole redraw of the static part, by count alone.
     RedrawCosts redrawCosts() const;
-    /// Draws every cascade's static and working map from scratch and compares each texel.
+    /// Draws every cascade's and spot light's static and working map from scratch and compares each texel.
     world::Result<VerifyReport> verify();
 
     CascadeView view(int cascade, SunMaps which = SunMaps::kShown) const;
@@ -174,11 +185,17 @@ public:
     /// Answers for world points [m] from the shown sun's working maps as they are, the nearest cascade that holds and
     /// knows a point first. Reads whole maps back: for batches.
     world::Result<std::vector<PointAnswer>> lookup(std::span<const glm::dvec3> points, const LookupBias& bias = {});
+    world::Result<SpotView> viewSpot(SpotId id) const;
+    /// Answers for world points [m] from a spot light's working map as it is. Reads the whole map back: for
+    /// batches.
+    world::Result<std::vector<SpotAnswer>> lookupSpot(SpotId id, std::span<const glm::dvec3> points,
+                                                      const LookupBias& bias = {});
+    world::Result<std::vector<float>> readSpotMap(SpotId id, gpu::MapKind kind);
     /// A map's depths, row by row in stored order.
     world::Result<std::vector<float>> readMap(int cascade, gpu::MapKind kind, SunMaps which = SunMaps::kShown);
     /// Hash of a map's bits.
     world::Result<uint64_t> mapHash(int cascade, gpu::MapKind kind);
-    /// The last frame's plan, until the next `advance`.
+    /// The last frame's plan for the cascades, until the next `advance`.
     const cache::FramePlan& plan() const;
     /// What that plan's items draw.
     const world::MeshLevel& geometry(cache::GeometryId id) const;

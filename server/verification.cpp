@@ -7,8 +7,6 @@ namespace {
 
 using world::Result;
 
-constexpr size_t kReported = 8;  ///< differences and casters that a report lists
-
 std::vector<std::string> castersAt(const ResidentScene& scene, size_t side, const cache::Lattice& lattice,
                                    cache::Texel texel) {
     const glm::dvec2 min = (glm::dvec2(texel) - 1.0) * lattice.texel, max = (glm::dvec2(texel) + 2.0) * lattice.texel;
