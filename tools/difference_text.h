@@ -7,7 +7,7 @@
 
 namespace tools {
 
-/// One line: cascade, map, texel, both depths and the casters there.
+/// One line: cascade or spot light, map, texel, both depths and the casters there.
 std::string toText(const server::Difference& difference);
 
 }  // namespace tools

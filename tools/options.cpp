@@ -54,6 +54,21 @@ world::Result<glm::dvec3> parseSun(const std::string& text) {
     return sun;
 }
 
+world::Result<culling::SpotLight> parseSpot(const std::string& text) {
+    std::array<double, 8> n{};
+    if (!parseNumbers(text, n))
+        return usage("--spot " + text + ": not a light; give X,Y,Z,DX,DY,DZ,ANGLE,RANGE in metres and degrees, as in "
+                     "0,8,0,0,-1,0,35,30");
+    culling::SpotLight light;
+    light.position = {n[0], n[1], n[2]};
+    light.direction = {n[3], n[4], n[5]};
+    light.halfAngle = glm::radians(n[6]);
+    light.range = n[7];
+    if (const auto space = culling::makeSpotSpace(light); !space)
+        return usage("--spot " + text + ": " + space.error().what);
+    return light;
+}
+
 world::Result<std::array<double, 4>> parseBounds(const std::string& text) {
     std::array<double, 4> bounds{};
     if (!parseNumbers(text, bounds) || bounds[0] >= bounds[2] || bounds[1] >= bounds[3])

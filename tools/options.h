@@ -6,6 +6,7 @@
 #include <glm/glm.hpp>
 #include <string>
 
+#include "culling/spot_light.h"
 #include "world/result.h"
 
 namespace tools {
@@ -26,6 +27,10 @@ world::Result<FrameRange> parseFrameRange(const std::string& text);
 /// "AZIMUTH,ELEVATION" [degrees] as the direction of the light's travel, unit. Azimuth runs clockwise
 /// from north (-z). kUsage for what is not two numbers and for a sun less than 1 degree high.
 world::Result<glm::dvec3> parseSun(const std::string& text);
+
+/// "X,Y,Z,DX,DY,DZ,ANGLE,RANGE": position [m], direction, angle between axis and edge [degrees], range [m].
+/// kUsage for what is not eight numbers and for a light that cannot be.
+world::Result<culling::SpotLight> parseSpot(const std::string& text);
 
 /// "XMIN,YMIN,XMAX,YMAX" with XMIN < XMAX and YMIN < YMAX, in the units of the source.
 world::Result<std::array<double, 4>> parseBounds(const std::string& text);

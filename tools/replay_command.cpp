@@ -36,6 +36,7 @@ using world::Result;
 struct ReplayOptions {
     std::string world, path, movers;
     std::string sun, frames, verify;  ///< as typed; empty: not given
+    std::vector<std::string> spots;   ///< as typed
     std::string method = "gnomon", occlusion = "exact";
     double fps = 0;   ///< 0: the path's own times
     double day = 0;   ///< [s]; 0: the sun stands still
@@ -124,7 +125,18 @@ Result<Done> openInput(const ReplayOptions& options, double farDistance, Run& ru
     return Done{};
 }
 
-Result<Done> openSystem(const ReplayOptions& options, const server::ShadowConfig& config, Run& run) {
+Result<std::vector<culling::SpotLight>> spotLights(const ReplayOptions& options) {
+    std::vector<culling::SpotLight> spots;
+    for (const std::string& text : options.spots) {
+        const auto spot = parseSpot(text);
+        if (!spot) return spot.error();
+        spots.push_back(spot.value());
+    }
+    return spots;
+}
+
+Result<Done> openSystem(const ReplayOptions& options, const server::ShadowConfig& config,
+                        const std::vector<culling::SpotLight>& spots, Run& run) {
     std::vector<world::MoverTrack> tracks;
     if (!options.movers.empty()) {
         auto read = world::readMovers(options.movers);
@@ -137,6 +149,8 @@ Result<Done> openSystem(const ReplayOptions& options, const server::ShadowConfig
     auto system = server::ShadowSystem::create(*run.device, *run.store, config);
     if (!system) return system.error();
     run.system = std::move(system.value());
+    for (const culling::SpotLight& spot : spots)
+        if (const auto added = run.system->addSpot(spot); !added) return added.error();
     if (tracks.empty()) return Done{};
     auto feed = MoverFeed::create(*run.system, std::move(tracks));
     if (!feed) return Error{feed.error().code, options.movers + ": " + feed.error().what};
@@ -144,7 +158,7 @@ Result<Done> openSystem(const ReplayOptions& options, const server::ShadowConfig
     return Done{};
 }
 
-Result<Done> describe(const ReplayOptions& options, Run& run) {
+Result<Done> describe(const ReplayOptions& options, const std::vector<culling::SpotLight>& spots, Run& run) {
     const auto hash = run.store->contentHash();
     if (!hash) return hash.error();
     char text[20];
@@ -156,6 +170,7 @@ Result<Done> describe(const ReplayOptions& options, Run& run) {
         .path = nameOf(options.path),
         .movers = nameOf(options.movers),
         .config = run.system->config(),
+        .spots = spots,
         .texels = {},
         .splits = {},
         .device = run.device->name(),
@@ -226,11 +241,13 @@ Result<int> runReplay(const ReplayOptions& options) {
         limit.emplace(tbb::global_control::max_allowed_parallelism, size_t(options.threads));
     const auto config = shadowConfig(options);
     if (!config) return config.error();
+    const auto spots = spotLights(options);
+    if (!spots) return spots.error();
 
     Run run;
     if (const auto done = openInput(options, config.value().farDistance, run); !done) return done.error();
-    if (const auto done = openSystem(options, config.value(), run); !done) return done.error();
-    if (const auto done = describe(options, run); !done) return done.error();
+    if (const auto done = openSystem(options, config.value(), spots.value(), run); !done) return done.error();
+    if (const auto done = describe(options, spots.value(), run); !done) return done.error();
     const auto summary = play(options, run);
     if (!summary) return summary.error();
     std::cout << toText(run.head, summary.value());
@@ -269,6 +286,9 @@ void addSystemOptions(CLI::App& parser, ReplayOptions& options) {
     parser.add_option("--budget-triangles", options.budgetTriangles, "most static triangles that a frame draws")
         ->check(CLI::Range(uint64_t(1), uint64_t(1) << 40));
     parser.add_option("--budget-ms", options.shadow.budget.ms, "most time that the GPU's part may take [ms], by measure");
+    parser.add_option("--spot", options.spots,
+                      "X,Y,Z,DX,DY,DZ,ANGLE,RANGE of a spot light [m, degrees from axis to edge]; may be given again")
+        ->allow_extra_args(false);
     parser.add_option("--occlusion", options.occlusion, "off, or exact: skip casters proven hidden")
         ->check(CLI::IsMember({"off", "exact"}));
     parser.add_option("--rays", options.shadow.raysPerCluster, "most rays to prove one cluster hidden");

@@ -41,6 +41,15 @@ void addCascade(CascadeSummary& sum, const ReplayFrame& frame, size_t c) {
     sum.staticTimes.redrawn.push_back(timesOf(frame.verify->redraw, c).staticMs);
 }
 
+void addSpot(SpotSummary& sum, const cache::SpotStatistics& cost) {
+    if (cost.statics.texels > 0) {
+        sum.byCause[size_t(cost.cause)] += cost.statics;
+        ++sum.framesByCause[size_t(cost.cause)];
+    }
+    sum.active += cost.active;
+    sum.activeFrames += cost.active.texels > 0 ? 1 : 0;
+}
+
 std::string hex(uint64_t hash) {
     char text[20];
     std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(hash));
@@ -113,6 +122,26 @@ Json cascadeJson(const ReplayHead& head, const Summary& summary, size_t c) {
     return cascade;
 }
 
+/// Causes that never were are left out.
+Json spotJson(const culling::SpotLight& light, const SpotSummary& sum) {
+    Json causes = Json::object();
+    for (size_t k = 0; k < cache::kCauses; ++k) {
+        if (sum.framesByCause[k] == 0) continue;
+        Json cause = json(sum.byCause[k]);
+        cause["frames"] = sum.framesByCause[k];
+        causes[cache::toString(static_cast<cache::Cause>(k))] = cause;
+    }
+    Json active = json(sum.active);
+    active["frames"] = sum.activeFrames;
+    return {{"position_m", {light.position.x, light.position.y, light.position.z}},
+            {"direction", {light.direction.x, light.direction.y, light.direction.z}},
+            {"half_angle_rad", light.halfAngle},
+            {"range_m", light.range},
+            {"resolution", light.side},
+            {"causes", causes},
+            {"active", active}};
+}
+
 Json timesJson(const Summary& summary) {
     Json cascades = Json::array();
     for (const CascadeSummary& sum : summary.cascades) {
@@ -132,6 +161,7 @@ Json timesJson(const Summary& summary) {
             {"gpu_wall_sum_ms", summary.gpuWallMs},
             {"occlusion_saved_ms", occlusionValue(summary).msSaved},
             {"update", json(summary.update)},
+            {"spots", json(summary.spotTimes)},
             {"static_by_cascade", cascades}};
 }
 
@@ -143,10 +173,12 @@ void Summary::add(const ReplayFrame& frame) {
         firstNumber = frame.number;
         firstTime = report.time;
         cascades.resize(report.cascades.size());
+        spots.resize(report.spots.size());
     }
     ++frames;
     lastTime = report.time;
     for (size_t c = 0; c < cascades.size(); ++c) addCascade(cascades[c], frame, c);
+    for (size_t i = 0; i < spots.size(); ++i) addSpot(spots[i], report.spots[i].cost);
     idleFrames += report.submitted ? 0 : 1;
     chunkArrivals += report.chunkArrivals;
     chunkDepartures += report.chunkDepartures;
@@ -177,6 +209,8 @@ void Summary::add(const ReplayFrame& frame) {
     differingTexels += frame.verify->differing;
     update.cached.push_back(report.gpu.recordMs + report.gpu.wallMs);
     update.redrawn.push_back(frame.verify->redraw.recordMs + frame.verify->redraw.wallMs);
+    spotTimes.cached.push_back(report.gpu.spotsMs);
+    spotTimes.redrawn.push_back(frame.verify->redraw.spotsMs);
 }
 
 double quantile(std::vector<double> values, double q) {
@@ -204,6 +238,8 @@ std::string toJson(const ReplayHead& head, const Summary& summary) {
     const OcclusionValue occlusion = occlusionValue(summary);
     Json cascades = Json::array();
     for (size_t c = 0; c < summary.cascades.size(); ++c) cascades.push_back(cascadeJson(head, summary, c));
+    Json spots = Json::array();
+    for (size_t i = 0; i < summary.spots.size(); ++i) spots.push_back(spotJson(head.spots[i], summary.spots[i]));
     const Json document = {
         {"world", {{"file", head.world}, {"source", head.source}, {"content_hash", head.worldHash}}},
         {"path", head.path},
@@ -237,6 +273,7 @@ std::string toJson(const ReplayHead& head, const Summary& summary) {
           {"triangles_hidden", occlusion.trianglesHidden}}},
         {"plan_hash", hex(summary.planHash)},
         {"cascades", cascades},
+        {"spots", spots},
         {"times", timesJson(summary)},
         {"machine", {{"device", head.device}, {"driver", head.driver}, {"threads", head.threads}}}};
     // Names of files and devices need not be UTF-8; the writer must not throw over them.

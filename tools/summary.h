@@ -15,6 +15,7 @@ struct ReplayHead {
     std::string world, worldHash, source;  ///< file name without folders, content hash, what was baked
     std::string path, movers;              ///< file names without folders; movers may be empty
     server::ShadowConfig config;
+    std::vector<culling::SpotLight> spots;
     std::vector<double> texels, splits;  ///< per cascade [m]
     std::string device, driver;
     int threads = 0;
@@ -40,11 +41,19 @@ struct CascadeSummary {
     TimePair staticTimes;
 };
 
+struct SpotSummary {
+    std::array<cache::Cost, cache::kCauses> byCause{};     ///< drawn into its cache map
+    std::array<uint64_t, cache::kCauses> framesByCause{};  ///< in which it was redrawn for that
+    cache::Cost active;         ///< restored and drawn into its working map
+    uint64_t activeFrames = 0;  ///< in which that was touched
+};
+
 /// Sums of the frames so far. Values only; every time in it is noisy, everything else deterministic.
 struct Summary {
     uint64_t frames = 0, firstNumber = 0;
     double firstTime = 0, lastTime = 0;  ///< [s]
     std::vector<CascadeSummary> cascades;
+    std::vector<SpotSummary> spots;
     uint64_t idleFrames = 0;  ///< in which nothing was submitted
     uint64_t chunkArrivals = 0, chunkDepartures = 0, arrivalFrames = 0;
     uint64_t bytesRead = 0, bytesUploaded = 0, rays = 0, certificates = 0, revocations = 0, errors = 0;
@@ -57,7 +66,8 @@ struct Summary {
     std::vector<double> frameMs;  ///< wall time of each advance
     server::StageTimes cpu;       ///< summed
     double gpuWallMs = 0;         ///< summed
-    TimePair update;              ///< record and submit to fence, static and active part, all cascades
+    TimePair update;              ///< record and submit to fence, static and active part, all maps
+    TimePair spotTimes;           ///< of these, all spot lights, by timestamp
 
     void add(const ReplayFrame& frame);
 };

@@ -102,6 +102,7 @@ void printTimes(std::string& out, const Summary& sum) {
     };
     for (size_t c = 0; c < sum.cascades.size(); ++c)
         row("cascade " + std::to_string(c) + ", static part, timestamps", sum.cascades[c].staticTimes);
+    if (!sum.spots.empty()) row("spot lights, timestamps", sum.spotTimes);
     row("all, static and active: record, draw, wait", sum.update);
 }
 
@@ -145,6 +146,26 @@ void printOcclusion(std::string& out, const ReplayHead& head, const Summary& sum
           count(sum.revocations).c_str(), count(value.trianglesHidden).c_str(), value.msSaved, verdict);
 }
 
+/// One line per light: why it was redrawn, and what that and its active casters cost.
+void printSpots(std::string& out, const Summary& sum) {
+    for (size_t i = 0; i < sum.spots.size(); ++i) {
+        const SpotSummary& spot = sum.spots[i];
+        cache::Cost statics;
+        std::string causes;
+        for (size_t k = 0; k < cache::kCauses; ++k) {
+            statics += spot.byCause[k];
+            if (spot.framesByCause[k] == 0) continue;
+            causes += (causes.empty() ? " " : ", ") + count(spot.framesByCause[k]) + " for " +
+                      cache::toString(static_cast<cache::Cause>(k));
+        }
+        print(out,
+              "Spot %-5zu redrawn%s: %s texels, %s triangles; active casters in %s frames: %s texels, %s triangles\n", i,
+              causes.c_str(), count(statics.texels).c_str(), count(statics.triangles).c_str(),
+              count(spot.activeFrames).c_str(), count(spot.active.texels).c_str(),
+              count(spot.active.triangles).c_str());
+    }
+}
+
 /// What was put off, for a budget or because nobody could see it; nothing where nothing was.
 void printDebts(std::string& out, const Summary& sum) {
     for (size_t c = 0; c < sum.cascades.size(); ++c) {
@@ -168,6 +189,7 @@ std::string toText(const ReplayHead& head, const Summary& sum) {
     printCauses(out, sum);
     out += '\n';
     printOcclusion(out, head, sum);
+    printSpots(out, sum);
     printDebts(out, sum);
     if (head.config.movingSun) {
         print(out, "Sun        %s steps, %s of them redrawn whole; at most %.3f degrees behind:", count(sum.sunSteps).c_str(),

@@ -81,6 +81,8 @@ TEST_F(Commands, BadOptionsAreUsage) {
     expectRefusal("replay a.world --path p --occlusion maybe", 2, "maybe");
     expectRefusal("replay a.world --path p --sun 90,-5", 2, "--sun");
     expectRefusal("replay a.world --path p --sun east", 2, "--sun");
+    expectRefusal("replay a.world --path p --spot 1,2,3", 2, "--spot 1,2,3");
+    expectRefusal("replay a.world --path p --spot 0,9,0,0,-1,0,35,30 --spot 0,9,0,0,-1,0,95,30", 2, "half-angle");
     expectRefusal("replay a.world --path p --threads=-1", 2, "--threads");
     expectRefusal("bake procedural:x -o a.world", 2, "procedural:x");
     expectRefusal("bake procedural:7 -o a.world --sun 0,0", 2, "--sun");
@@ -178,6 +180,27 @@ TEST_F(Commands, ASmallWorldIsBakedShownAndGuardsItsReplays) {
     expectRefusal("replay small.world --path near.tum --device no-such-device", 3, "no-such-device");
     expectRefusal("replay small.world --path near.tum --out scene.gltf", 3, "scene.gltf");
     expectRefusal("replay small.world --path near.tum --out a/b --dump scene.gltf/c", 3, "scene.gltf");
+}
+
+TEST_F(Commands, AReplayWithSpotLightsComparesThemAndSumsThemUp) {
+    put("scene.gltf", scene());
+    ASSERT_EQ(gnomon("bake scene.gltf -o small.world --sun 135,40").status, 0);
+    put("walk.tum", "0 5 2 5 0 0 0 1\n1 6 2 5 0 0 0 1\n");
+    const std::string small = "replay small.world --path walk.tum --resolution 64 --cascades 2 --far 50 --verify";
+    ASSERT_EQ(gnomon(small + " --out without").status, 0);
+    const Outcome with = gnomon(small + " --spot -5,9,5,1,-0.5,0,35,30 --spot 10,20,10,0,-1,0,20,40");
+    ASSERT_EQ(with.status, 0) << with.text;
+    EXPECT_NE(with.text.find("Spot 0     redrawn 1 for start: 262,144 texels, 1 triangles;"), std::string::npos) << with.text;
+    EXPECT_NE(with.text.find("Spot 1     redrawn 1 for start: "), std::string::npos) << with.text;
+    // Two frames, two cascades of 64 x 64 and two lights of 512 x 512, two maps each.
+    EXPECT_NE(with.text.find("Verified   2 frames, 2.130 M texels compared, 0 differ"), std::string::npos) << with.text;
+    const auto lines = [&](const std::string& path) {
+        std::ifstream file(folder_ / path);
+        std::string text(std::istreambuf_iterator<char>(file), {});
+        return text;
+    };
+    EXPECT_NE(lines("small.replay/summary.json").find("\"half_angle_rad\": 0.61"), std::string::npos);
+    EXPECT_NE(lines("without/summary.json").find("\"spots\": []"), std::string::npos);
 }
 
 TEST_F(Commands, AReplayWritesAllItsResults) {

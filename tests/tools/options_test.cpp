@@ -40,6 +40,18 @@ TEST(Sun, BelowTheHorizonOrNoDirectionIsUsage) {
     EXPECT_TRUE(tools::parseSun("725,1.01"));
 }
 
+TEST(Spot, IsEightNumbersThatMakeALight) {
+    const culling::SpotLight light = tools::parseSpot("-1,8.5,2,0,-1,0.5,35,30").value();
+    EXPECT_EQ(light.position, glm::dvec3(-1, 8.5, 2));
+    EXPECT_EQ(light.direction, glm::dvec3(0, -1, 0.5));
+    EXPECT_DOUBLE_EQ(light.halfAngle, 35 * 3.14159265358979323846 / 180);
+    EXPECT_EQ(light.range, 30);
+    for (const char* text : {"", "1,2,3", "-1,8,2,0,-1,0,35", "-1,8,2,0,-1,0,35,30,1", "-1,8,2,0,0,0,35,30",
+                             "-1,8,2,0,-1,0,90,30", "-1,8,2,0,-1,0,0,30", "-1,8,2,0,-1,0,35,-30", "-1,8,2,0,-1,0,35,1001",
+                             "nan,8,2,0,-1,0,35,30", "-1,8,2,0,-1,0,35,inf", "lamp"})
+        expectUsage(tools::parseSpot(text), text);
+}
+
 TEST(Bounds, AreFourNumbersInOrder) {
     EXPECT_EQ(tools::parseBounds("-1,2.5,3,1e3").value(), (std::array<double, 4>{-1, 2.5, 3, 1000}));
     for (const char* text :

@@ -68,6 +68,30 @@ TEST(Summary, IsTheSumOfItsFrames) {
     }
 }
 
+TEST(Summary, SpotLightsAreSummedByCause) {
+    std::vector<tools::ReplayFrame> list = frames(1, 2, 3);
+    for (tools::ReplayFrame& f : list) f.report.spots = {{0, {}}, {1, {}}};
+    using cache::Cause;
+    list[0].report.spots[1].cost = {Cause::kStart, {100, 3, 50, 4}, {100, 1, 7, 1}};
+    list[1].report.spots[1].cost = {Cause::kArrival, {100, 5, 70, 6}, {100, 2, 9, 2}};
+    list[2].report.spots[1].cost = {Cause::kStart, {}, {100, 0, 0, 0}};
+    tools::ReplayHead h = head();
+    h.spots = {{{1, 2, 3}, {0, -1, 0}}, {{4, 5, 6}, {0, -1, 0}}};
+    const json document = json::parse(tools::toJson(h, summaryOf(list)));
+    ASSERT_EQ(document["spots"].size(), 2u);
+    EXPECT_TRUE(document["spots"][0]["causes"].empty());
+    EXPECT_EQ(document["spots"][0]["active"]["frames"], 0);
+    const json& spot = document["spots"][1];
+    EXPECT_EQ(spot["position_m"], json::parse("[4, 5, 6]"));
+    EXPECT_EQ(spot["causes"].size(), 2u);
+    EXPECT_EQ(spot["causes"]["start"], json::parse(R"({"texels": 100, "casters": 3, "triangles": 50, "draws": 4, "frames": 1})"));
+    EXPECT_EQ(spot["causes"]["arrival"]["triangles"], 70);
+    EXPECT_EQ(spot["active"], json::parse(R"({"texels": 300, "casters": 3, "triangles": 16, "draws": 3, "frames": 3})"));
+    const std::string text = tools::toText(h, summaryOf(list));
+    EXPECT_NE(text.find("redrawn 1 for start, 1 for arrival: 200 texels, 120 triangles"), std::string::npos) << text;
+    EXPECT_NE(text.find("active casters in 3 frames: 300 texels, 16 triangles"), std::string::npos) << text;
+}
+
 TEST(Summary, OnlyTimesAndMachineDifferBetweenRuns) {
     json one = json::parse(tools::toJson(head(), summaryOf(frames(3, 4, 25))));
     tools::ReplayHead elsewhere = head();
