@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "cache/invalidation.h"
 #include "cache/plan_writer.h"
 #include "cache/scroll.h"
 #include "culling/caster_query.h"
@@ -9,15 +10,6 @@
 namespace cache {
 
 namespace {
-
-TexelRect footprint(const Lattice& lattice, const world::Box& light) {
-    return light.empty() ? TexelRect{} : lattice.footprint(glm::dvec2(light.min), glm::dvec2(light.max));
-}
-
-TexelRect footprint(const Lattice& lattice, const culling::LightCaster& caster, const culling::ClusterRect& rect) {
-    const glm::dvec2 origin(caster.origin);
-    return lattice.footprint(origin + glm::dvec2(rect.min), origin + glm::dvec2(rect.max));
-}
 
 /// A block no longer than this [texels] is not cut further to fit a limit.
 constexpr int64_t kSmallestBlock = 4;
@@ -50,38 +42,6 @@ void writeWorking(const culling::CasterRows& active, const Lattice& lattice, std
         statistics.active.texels += static_cast<uint64_t>(piece.rect.area());
         active.over(lowOf(lattice, piece.rect), highOf(lattice, piece.rect), casters);
         statistics.active += writer.draw(piece, casters, false, plan.activePasses).cost;
-    }
-}
-
-/// Where static casters left: for each cause, merged where that is cheaper.
-void departed(const Lattice& lattice, const TexelRect& window, const Events& events, auto add) {
-    RectSet rects;
-    for (Cause cause : {Cause::kDeparture, Cause::kDemotion, Cause::kLevel}) {
-        rects.clear();
-        for (const Departure& d : events.departures)
-            if (d.cause == cause) rects.add(intersection(footprint(lattice, d.bounds), window));
-        for (const TexelRect& r : rects.rects()) add(r, cause);
-    }
-}
-
-/// Where static casters joined and show.
-void arrived(const Scene& scene, const Lattice& lattice, int cascade, const TexelRect& window, const Events& events,
-             auto add) {
-    RectSet rects;
-    for (Cause cause : {Cause::kLevel, Cause::kArrival, Cause::kPromotion}) {
-        rects.clear();
-        for (const Arrival& a : events.arrivals) {
-            if (a.cause != cause) continue;
-            const culling::LightCaster& caster = scene.light[a.caster];
-            if (!footprint(lattice, caster.bounds).overlaps(window)) continue;
-            const auto& clusters = scene.light.rects(a.caster, cascade);
-            TexelRect shown;  // hidden clusters change nothing
-            for (uint32_t k = 0; k < clusters.size(); ++k)
-                if (!scene.occlusion || !scene.occlusion->hidden(cascade, a.caster, k))
-                    shown = hull(shown, footprint(lattice, caster, clusters[k]));
-            rects.add(intersection(shown, window));
-        }
-        for (const TexelRect& r : rects.rects()) add(r, cause);
     }
 }
 
@@ -185,11 +145,10 @@ void ShadowCache::Frame::sleep(size_t c) {
     s.asleep = true;
     s.window = state.window.min;
     if (!state.drawn) return;
-    const auto owe = [&](const TexelRect& rect, Cause cause) {
-        state.owed.add({rect, cause, Owes::kStale, cache_.frame_});
-    };
-    if (cache_.config_.sabotage != Sabotage::kDeafDeparture) departed(state.lattice, state.window, events_, owe);
-    arrived(scene_, state.lattice, cascades_[c].number, state.window, events_, owe);
+    std::vector<Invalidation> invalid;
+    if (cache_.config_.sabotage != Sabotage::kDeafDeparture) departed(state.lattice, state.window, events_, invalid);
+    arrived(scene_, state.lattice, cascades_[c].number, state.window, events_, invalid);
+    for (const Invalidation& i : invalid) state.owed.add({i.rect, i.cause, Owes::kStale, cache_.frame_});
     state.owed.compactStale();  // a cascade may sleep for long; nothing becomes unknown meanwhile
     if (cache_.config_.sabotage != Sabotage::kSleptMotion)
         for (const world::Box& box : events_.activeDirt)
@@ -240,11 +199,11 @@ void ShadowCache::Frame::collect(size_t c) {
     };
     for (const TexelRect& slab : exposedSlabs(before.min, window.min, state.lattice.side))
         cover(slab, Cause::kScroll, Owes::kUnknown, true);
-    if (cache_.config_.sabotage != Sabotage::kDeafDeparture)
-        departed(state.lattice, window, events_,
-                 [&](const TexelRect& r, Cause cause) { cover(r, cause, Owes::kStale, true); });
-    arrived(scene_, state.lattice, cascades_[c].number, window, events_,
-            [&](const TexelRect& r, Cause cause) { cover(r, cause, Owes::kStale, false); });
+    std::vector<Invalidation> left, joined;
+    if (cache_.config_.sabotage != Sabotage::kDeafDeparture) departed(state.lattice, window, events_, left);
+    for (const Invalidation& i : left) cover(i.rect, i.cause, Owes::kStale, true);
+    arrived(scene_, state.lattice, cascades_[c].number, window, events_, joined);
+    for (const Invalidation& i : joined) cover(i.rect, i.cause, Owes::kStale, false);
     state.owed.clear();  // all of it is in the list now; what is left undone comes back
 }
 
