@@ -18,6 +18,8 @@ constexpr double kFps = 30;
 /// Larger meshes are grounds and roofs: they would hide the rest.
 constexpr double kLargestObject = 20;  // [m]
 
+constexpr size_t kMostLights = 3;
+
 uint64_t residentBytes() {
     std::ifstream file("/proc/self/statm");
     uint64_t total = 0, resident = 0;
@@ -44,6 +46,7 @@ public:
         if (left_ == 0) {
             startPhase(report);
             if (auto done = changeSettings(report); !done) return done.error();
+            if (auto done = changeLights(report); !done) return done.error();
         }
         --left_;
         moveCamera();
@@ -124,6 +127,30 @@ private:
         return culling::sunFromAngles(sunAzimuth_, sunHeight_);
     }
 
+    /// Adds, moves or removes a spot light near the camera, or leaves them alone.
+    world::Result<world::Done> changeLights(SoakReport& report) {
+        culling::SpotLight light;
+        light.position = eye_ + glm::dvec3(uniform(-20, 20), uniform(2, 12), uniform(-20, 20));
+        light.direction = glm::normalize(glm::dvec3(uniform(-1, 1), -1, uniform(-1, 1)));
+        light.halfAngle = uniform(0.2, 0.9);
+        light.range = uniform(10, 60);
+        light.side = 128;
+        if (chance(0.3) && lights_.size() < kMostLights) {
+            auto id = system_.addSpot(light);
+            if (!id) return id.error();
+            lights_.push_back(id.value());
+        } else if (chance(0.2) && !lights_.empty()) {
+            if (auto moved = system_.moveSpot(lights_.front(), light); !moved) return moved.error();
+        } else if (chance(0.1) && !lights_.empty()) {
+            if (auto removed = system_.removeSpot(lights_.front()); !removed) return removed.error();
+            lights_.erase(lights_.begin());
+        } else {
+            return world::Done{};
+        }
+        ++report.lightChanges;
+        return world::Done{};
+    }
+
     void moveCamera() {
         const double speed = motion_ == Motion::kWalk ? 1.5 / kFps : motion_ == Motion::kRun ? 15 / kFps : 0;
         if (motion_ == Motion::kTurn) heading_ += glm::radians(210 / kFps);
@@ -182,6 +209,7 @@ private:
     glm::dvec2 reach_{0};
     double height_ = 0, far_ = 0;
     std::vector<uint32_t> meshes_;
+    std::vector<server::SpotId> lights_;
     std::vector<Object> objects_;
     std::vector<server::ObjectUpdate> updates_;
     uint64_t frame_ = 0, left_ = 0;
