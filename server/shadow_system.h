@@ -43,7 +43,7 @@ struct MapSettings {
     int side = 1024;           ///< texels a side, 64 to 8192
     double farDistance = 600;  ///< split of the last cascade [m]: shadows reach this far from the eye
     double splitRatio = 3;     ///< each split is this many times the one before, > 1
-    int guardBand = 1;         ///< windows move in steps of this many texels, 1 to side / 4
+    int guardBand = 4;         ///< windows move in steps of this many texels, 1 to side / 4
     double levelError = 0.5;   ///< a cascade draws the coarsest level of detail that is off by at most so many texels
     double smallestCaster = 0; ///< casters smaller than so many texels of a cascade are not drawn there; 0: all
     gpu::DepthFormat format = gpu::DepthFormat::kD32;

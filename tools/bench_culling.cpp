@@ -290,7 +290,7 @@ Result<CullingBench> benchCulling(const world::WorldStore& store, std::span<cons
     world::Box around;  // light space
     for (const Motion& motion : motions)
         for (const world::Pose& pose : motion.poses) around.add(space.value().toLight(pose.position));
-    const double reach = cascades.value().back().texel * (defaults.side / 2.0 + 1) + kRoom;
+    const double reach = cascades.value().back().texel * (defaults.side / 2.0 + defaults.guardBand) + kRoom;
     const auto wanted = [&](const world::Box& bounds) {
         const world::Box b = space.value().toLight(bounds);
         return b.min.x <= around.max.x + reach && b.max.x >= around.min.x - reach && b.min.y <= around.max.y + reach &&
@@ -312,6 +312,7 @@ Result<CullingBench> benchCulling(const world::WorldStore& store, std::span<cons
     bench.wantedUs = 1e3 * least(rounds, [&] { (void)casters.streamer.advance(wanted, wanted).value(); });
     const world::Box extent = space.value().toLight(store.header().bounds);
     cache::CacheConfig config;
+    config.guardBand = defaults.guardBand;
     config.side = defaults.side;
     config.scene = {extent.min.z, std::max(1.0, extent.extent().z)};
     for (const Motion& motion : motions)
