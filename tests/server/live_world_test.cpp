@@ -163,7 +163,8 @@ TEST(LiveWorld, AJumpWithinATenthOfItsNeedIsLateAndNeverWrong) {
                     << "frame " << frame << ", cascade " << int(answers[i].cascade);
             }
         }
-        EXPECT_GT(fell, 10) << "lookups that a coarser cascade answered";
+        // Few triangles are needed near the eye, so within a limit in triangles the near cascades are late for less.
+        EXPECT_GT(fell, byTriangles ? 0 : 10) << "lookups that a coarser cascade answered";
         EXPECT_GT(judged, 1000);
         EXPECT_GT(shadows, 100);
     }
@@ -284,6 +285,34 @@ TEST(LiveWorld, BadItemsChangeNothing) {
     ASSERT_TRUE(system->spawn(0, tests::placedAt({0, 30, 0}, 2000), {.atRest = true}));
     ASSERT_TRUE(system->advance({0.4, input.camera, {}}));
     EXPECT_EQ(system->verify().value().differing, 0u);
+}
+
+TEST(LiveWorld, WhatDoesNotFitOnTheGpuIsRefusedWithoutATrace) {
+    world::BakeSource source = tests::streets(glm::dvec3(0));
+    world::Mesh large = tests::sheetMesh(9, 100);  // 20,000 triangles, 360 kB
+    large.levels[0].clusters.clear();
+    source.meshes.push_back(std::move(large));
+    const auto mesh = uint32_t(source.meshes.size() - 1);
+    const world::WorldStore store = tests::baked(source, "full.world");
+    ShadowConfig config = small();
+    config.geometryBytes = 64 << 10;
+    const auto made = ShadowSystem::create(tests::validatedDevice(), store, config);
+    ASSERT_TRUE(made) << made.error().what;
+    ShadowSystem& system = *made.value();
+    const server::FrameInput input{0, {{3, 2, 1}, {1, 0, 0, 0}}, {}};
+    ASSERT_TRUE(system.advance(input));
+    for (const bool atRest : {false, true}) {
+        const auto object = system.spawn(mesh, tests::placedAt({3, 3, 1}), {.atRest = atRest});
+        ASSERT_FALSE(object);
+        EXPECT_EQ(object.error().code, world::ErrorCode::kLimit) << object.error().what;
+        const auto report = system.advance(input);
+        ASSERT_TRUE(report) << report.error().what;
+        EXPECT_FALSE(report.value().submitted);
+        EXPECT_EQ(system.verify().value().differing, 0u);
+    }
+    ASSERT_TRUE(system.spawn(0, tests::placedAt({3, 3, 1}))) << "smaller ones still fit";
+    EXPECT_TRUE(system.advance(input).value().submitted);
+    EXPECT_EQ(system.verify().value().differing, 0u);
 }
 
 }  // namespace
