@@ -196,8 +196,12 @@ Result<Done> ShadowMaps::reshape(std::span<const int> from, int side, DepthForma
     const bool same = side == impl.config.side && format == impl.config.format;
     auto places = makePlaces(impl.device, config);
     if (!places) return places.error();
-    auto pass = DepthPass::create(impl.device, static_cast<uint32_t>(side), format);
-    if (!pass) return pass.error();
+    std::optional<DepthPass> pass;  // another one only where it must be: drivers keep something of each
+    if (!same) {
+        auto made = DepthPass::create(impl.device, static_cast<uint32_t>(side), format);
+        if (!made) return made.error();
+        pass = std::move(made.value());
+    }
     ShadowMapsConfig missing = config;
     missing.cascades = static_cast<int>(std::count(from.begin(), from.end(), -1));
     auto fresh = impl.makeMaps(missing, "");
@@ -212,7 +216,7 @@ Result<Done> ShadowMaps::reshape(std::span<const int> from, int side, DepthForma
     impl.maps = std::move(maps);
     impl.scratch.clear();
     impl.readback.reset();
-    impl.pass = std::move(pass.value());
+    if (pass) impl.pass = std::move(*pass);
     impl.places = std::move(places.value());
     impl.next = 0;
     impl.config = config;
