@@ -18,7 +18,8 @@ struct Sun {
     cache::Cause begin = cache::Cause::kStart;  ///< of its first drawing
 };
 
-/// One cascade's committed state, to be used with its maps and nothing else.
+/// One cascade's committed state, to be used with its maps and nothing else. Where ranges of depths follow the eye, a
+/// receiver nearer the sun or farther than the range is another cascade's.
 struct CascadeView {
     double texel = 0;    ///< edge of a texel [m]
     double split = 0;    ///< distance from the eye that this cascade serves [m]

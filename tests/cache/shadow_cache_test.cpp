@@ -239,6 +239,12 @@ uint64_t drawnIn(const std::vector<cache::CascadeStatistics>& statistics, uint64
     return sum;
 }
 
+cache::Cost sumOverCauses(const cache::CascadeStatistics& s) {
+    cache::Cost sum;
+    for (const cache::Cost& cost : s.byCause) sum += cost;
+    return sum;
+}
+
 TEST(ShadowCache, LimitsHoldAndWhatIsLeftIsOwedAndPaid) {
     for (const cache::Limits limits : {cache::Limits{700, cache::Limits::kNone}, cache::Limits{50, cache::Limits::kNone},
                                        cache::Limits{cache::Limits::kNone, 6000}, cache::Limits{900, 5000}}) {
@@ -250,9 +256,7 @@ TEST(ShadowCache, LimitsHoldAndWhatIsLeftIsOwedAndPaid) {
             ASSERT_LE(drawnIn(life.statistics(), &cache::Cost::texels), limits.texels);
             ASSERT_LE(drawnIn(life.statistics(), &cache::Cost::triangles), limits.triangles);
             for (const cache::CascadeStatistics& s : life.statistics()) {
-                cache::Cost sum;
-                for (const cache::Cost& cost : s.byCause) sum += cost;
-                ASSERT_EQ(sum, s.total);
+                ASSERT_EQ(sumOverCauses(s), s.total);
                 unknown += s.unknownTexels;
                 stale += s.staleTexels;
                 if (limits.triangles == cache::Limits::kNone) {
@@ -320,9 +324,7 @@ TEST(ShadowCache, DepthsFollowTheEyeAShareInEachFrame) {
             ASSERT_LE(drawnIn(life.statistics(), &cache::Cost::texels), limits.texels);
             ASSERT_LE(drawnIn(life.statistics(), &cache::Cost::triangles), limits.triangles);
             for (const cache::CascadeStatistics& s : life.statistics()) {
-                cache::Cost sum;
-                for (const cache::Cost& cost : s.byCause) sum += cost;
-                ASSERT_EQ(sum, s.total);
+                ASSERT_EQ(sumOverCauses(s), s.total);
                 const uint64_t rebase = s.byCause[size_t(Cause::kRebase)].texels;
                 ASSERT_LE(rebase, s.total.texels - rebase + kSide * kSide / 50) << "not spread over frames";
             }

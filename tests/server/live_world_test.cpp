@@ -106,8 +106,10 @@ TEST(LiveWorld, EachDefectIsSeen) {
 
 TEST(LiveWorld, AJumpWithinATenthOfItsNeedIsLateAndNeverWrong) {
     const auto rays = tests::trianglesOf(streetsWorld());
+    ShadowConfig config = small();
+    config.guardBand = 1;  // windows follow each step, so that more of them is late
     for (const bool byTriangles : {false, true}) {
-        const auto system = make(small());
+        const auto system = make(config);
         const auto at = [&](double time, glm::dvec3 eye) {
             auto report = system->advance({time, {eye, {1, 0, 0, 0}}, {}});
             EXPECT_TRUE(report);
@@ -163,8 +165,7 @@ TEST(LiveWorld, AJumpWithinATenthOfItsNeedIsLateAndNeverWrong) {
                     << "frame " << frame << ", cascade " << int(answers[i].cascade);
             }
         }
-        // Few triangles are needed near the eye, so within a limit in triangles the near cascades are late for less.
-        EXPECT_GT(fell, byTriangles ? 0 : 10) << "lookups that a coarser cascade answered";
+        EXPECT_GT(fell, 10) << "lookups that a coarser cascade answered";
         EXPECT_GT(judged, 1000);
         EXPECT_GT(shadows, 100);
     }
