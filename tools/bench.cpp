@@ -60,7 +60,7 @@ Result<std::vector<MotionCost>> measure(const world::WorldStore& store, const st
     const bool moving =
         std::any_of(motions.begin(), motions.end(), [](const Motion& m) { return m.movers > 0; });
     if (const auto mesh = moverMesh(store); moving && mesh)
-        std::printf("; movers of %u triangles", store.meshes()[*mesh].levelTriangles.front());
+        std::printf("; movers of %u triangles", store.meshes()[*mesh].levels.front().triangles);
     std::printf("\n\n%s\n", costTables(costs).c_str());
     return costs;
 }

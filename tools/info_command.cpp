@@ -47,9 +47,9 @@ Result<std::vector<LevelTriangles>> countTriangles(const world::WorldStore& stor
             return;
         }
         for (const world::Instance& instance : chunk.value().instances) {
-            const auto& mesh = store.meshes()[instance.mesh].levelTriangles;
+            const auto& mesh = store.meshes()[instance.mesh].levels;
             for (size_t level = 0; level < mesh.size(); ++level)
-                levelOf(byChunk[i], level).placed += mesh[level];
+                levelOf(byChunk[i], level).placed += mesh[level].triangles;
         }
         const auto& terrain = chunk.value().terrain.levels;
         for (size_t level = 0; level < terrain.size(); ++level)
@@ -64,8 +64,8 @@ Result<std::vector<LevelTriangles>> countTriangles(const world::WorldStore& stor
         }
     }
     for (const world::MeshRecord& mesh : store.meshes())
-        for (size_t level = 0; level < mesh.levelTriangles.size(); ++level)
-            levelOf(levels, level).stored += mesh.levelTriangles[level];
+        for (size_t level = 0; level < mesh.levels.size(); ++level)
+            levelOf(levels, level).stored += mesh.levels[level].triangles;
     return levels;
 }
 
@@ -76,7 +76,7 @@ void printHeader(const world::WorldStore& store, uint64_t contentHash) {
     Count instances = 0, terrains = 0;
     for (const world::ChunkRecord& chunk : store.chunks()) {
         instances += chunk.instances;
-        terrains += chunk.terrain ? 1 : 0;
+        terrains += chunk.terrain.empty() ? 0 : 1;
     }
     const world::Box& b = header.bounds;
     std::printf("%s: world of version %u, baked from %s\n", store.path().c_str(), header.version,

@@ -32,7 +32,6 @@ struct BakedChunk {
     std::vector<Row> rows;
     ChunkRecord record;
     std::vector<NamedInstance> names;
-    uint32_t terrainTriangles = 0;
 };
 
 Error bad(const BakeSource& source, const std::string& what) {
@@ -99,8 +98,6 @@ Result<Done> cut(const BakeSource& source, const std::string& name, Mesh& mesh) 
     return Done{};
 }
 
-uint32_t triangles(const MeshLevel& level) { return static_cast<uint32_t>(level.indices.size() / 3); }
-
 Result<BakedMesh> bakeMesh(const BakeSource& source, size_t id) {
     Mesh mesh = source.meshes[id];
     const Result<Done> done = cut(source, "mesh " + std::to_string(id), mesh);
@@ -109,9 +106,7 @@ Result<BakedMesh> bakeMesh(const BakeSource& source, size_t id) {
     baked.record.bounds = mesh.bounds;
     for (size_t k = 0; k < mesh.levels.size(); ++k) {
         const MeshLevel& level = mesh.levels[k];
-        baked.record.levelTriangles.push_back(triangles(level));
-        baked.record.levelVertices.push_back(static_cast<uint32_t>(level.positions.size()));
-        baked.record.levelErrors.push_back(level.error);
+        baked.record.levels.push_back(recordOf(level));
         baked.rows.push_back({{static_cast<int32_t>(id), 0, 0, static_cast<int32_t>(k), BlobKind::kMesh},
                               encodeMeshLevel(level)});
     }
@@ -125,7 +120,7 @@ bool finite(const Placement& p) {
 
 /// Takes over the instances that cast; their slots count only those.
 Result<Done> bakeInstances(const BakeSource& source, const std::vector<MeshRecord>& meshes, SourceChunk& made,
-                           InstanceRow& row, BakedChunk& baked) {
+                           std::vector<Instance>& casting, BakedChunk& baked) {
     const ChunkKey key = baked.record.key;
     if (!made.names.empty() && made.names.size() != made.instances.size())
         return bad(source, "chunk " + toString(key) + ": " + std::to_string(made.names.size()) +
@@ -138,35 +133,33 @@ Result<Done> bakeInstances(const BakeSource& source, const std::vector<MeshRecor
         const Box& bounds = meshes[instance.mesh].bounds;
         if (bounds.empty()) continue;
         if (!made.names.empty() && !made.names[i].empty())
-            baked.names.push_back({made.names[i], key, static_cast<uint32_t>(row.instances.size())});
+            baked.names.push_back({made.names[i], key, static_cast<uint32_t>(casting.size())});
         baked.record.bounds.add(
             transformed(bounds, glm::dmat3(instance.placement.linear), instance.placement.translation));
         baked.record.meshes.push_back(instance.mesh);
-        row.instances.push_back(instance);
+        casting.push_back(instance);
     }
     std::vector<uint32_t>& ids = baked.record.meshes;
     std::sort(ids.begin(), ids.end());
     ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
-    baked.record.instances = static_cast<uint32_t>(row.instances.size());
+    baked.record.instances = static_cast<uint32_t>(casting.size());
     return Done{};
 }
 
-Result<Done> bakeTerrain(const BakeSource& source, TerrainChunk& terrain, InstanceRow& row,
-                         BakedChunk& baked) {
+Result<Done> bakeTerrain(const BakeSource& source, TerrainChunk& terrain, BakedChunk& baked) {
     const ChunkKey key = baked.record.key;
     Mesh& mesh = terrain.mesh;
     if (mesh.levels.empty()) return Done{};
     const Result<Done> done = cut(source, "terrain of chunk " + toString(key), mesh);
     if (!done) return done.error();
-    baked.terrainTriangles = triangles(mesh.levels[0]);
-    if (baked.terrainTriangles == 0) return Done{};
-    baked.record.terrain = true;
+    if (mesh.levels[0].indices.empty()) return Done{};
     const double edge = source.header.chunkSize;
     baked.record.bounds.add(transformed(mesh.bounds, glm::dmat3(1), {key.x * edge, 0.0, key.z * edge}));
-    row.terrainLevels = static_cast<uint32_t>(mesh.levels.size());
-    for (uint32_t k = 0; k < row.terrainLevels; ++k)
-        baked.rows.push_back({{key.x, key.y, key.z, static_cast<int32_t>(k), BlobKind::kTerrainMesh},
-                              encodeMeshLevel(mesh.levels[k])});
+    for (const MeshLevel& level : mesh.levels) {
+        const auto k = static_cast<int32_t>(baked.record.terrain.size());
+        baked.record.terrain.push_back(recordOf(level));
+        baked.rows.push_back({{key.x, key.y, key.z, k, BlobKind::kTerrainMesh}, encodeMeshLevel(level)});
+    }
     if (!terrain.levelSet.empty())
         baked.rows.push_back({{key.x, key.y, key.z, 0, BlobKind::kLevelSet}, std::move(terrain.levelSet)});
     return Done{};
@@ -177,15 +170,15 @@ Result<BakedChunk> bakeChunk(const BakeSource& source, const std::vector<MeshRec
     if (!made) return made.error();
     BakedChunk baked;
     baked.record.key = key;
-    InstanceRow row;
-    const Result<Done> instances = bakeInstances(source, meshes, made.value(), row, baked);
+    std::vector<Instance> casting;
+    const Result<Done> instances = bakeInstances(source, meshes, made.value(), casting, baked);
     if (!instances) return instances.error();
     if (made.value().terrain) {
-        const Result<Done> terrain = bakeTerrain(source, *made.value().terrain, row, baked);
+        const Result<Done> terrain = bakeTerrain(source, *made.value().terrain, baked);
         if (!terrain) return terrain.error();
     }
     if (!baked.record.bounds.empty())
-        baked.rows.push_back({{key.x, key.y, key.z, 0, BlobKind::kInstances}, encodeInstances(row)});
+        baked.rows.push_back({{key.x, key.y, key.z, 0, BlobKind::kInstances}, encodeInstances(casting)});
     return baked;
 }
 
@@ -230,7 +223,7 @@ Result<BakeStats> bake(const BakeSource& source, const std::string& path, const 
             if (!chunk.rows.empty()) {
                 ++stats.chunks;
                 stats.instances += chunk.record.instances;
-                stats.terrainTriangles += chunk.terrainTriangles;
+                if (!chunk.record.terrain.empty()) stats.terrainTriangles += chunk.record.terrain[0].triangles;
                 header.bounds.add(chunk.record.bounds);
                 names.insert(names.end(), chunk.names.begin(), chunk.names.end());
                 chunks.push_back(std::move(chunk.record));

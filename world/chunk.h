@@ -28,20 +28,30 @@ struct Instance {
     Placement placement;
 };
 
+/// What a level of detail costs, and what it is off by, without reading it.
+struct LevelRecord {
+    uint32_t triangles = 0, vertices = 0, clusters = 0;
+    float error = 0;  ///< [m]
+    friend bool operator==(const LevelRecord&, const LevelRecord&) = default;
+};
+
+inline LevelRecord recordOf(const MeshLevel& level) {
+    return {static_cast<uint32_t>(level.indices.size() / 3), static_cast<uint32_t>(level.positions.size()),
+            static_cast<uint32_t>(level.clusters.size()), level.error};
+}
+
 /// What the streamer must know of a chunk without reading it.
 struct ChunkRecord {
     ChunkKey key;
     Box bounds;                   ///< of all that the chunk casts, world frame [m]
     uint32_t instances = 0;
-    bool terrain = false;         ///< the chunk has a terrain mesh of its own
+    std::vector<LevelRecord> terrain;  ///< of its own terrain, finest first; empty if it has none
     std::vector<uint32_t> meshes; ///< ids that its instances use, ascending, unique
 };
 
 /// What a mesh costs without reading it.
 struct MeshRecord {
-    std::vector<uint32_t> levelTriangles;  ///< finest first
-    std::vector<float> levelErrors;        ///< [m], same order
-    std::vector<uint32_t> levelVertices;
+    std::vector<LevelRecord> levels;  ///< finest first
     Box bounds;  ///< own frame [m]
 };
 

@@ -11,8 +11,9 @@ namespace world {
 namespace {
 
 constexpr size_t kBoxBytes = 1;  // an empty one
-constexpr size_t kRecordBytes = 3 * 4 + kBoxBytes + 4 + 1 + 4;
-constexpr size_t kMeshRecordBytes = 4 + 12 + kBoxBytes;
+constexpr size_t kLevelRecordBytes = 4 * 4;
+constexpr size_t kRecordBytes = 3 * 4 + kBoxBytes + 4 + 4 + 4;
+constexpr size_t kMeshRecordBytes = 4 + kLevelRecordBytes + kBoxBytes;
 constexpr size_t kNameBytes = 4 + 3 * 4 + 4;
 constexpr size_t kInstanceBytes = 4 + 9 * 4 + 3 * 8;
 constexpr size_t kPositionBytes = 3 * 4, kIndexBytes = 4, kClusterBytes = 2 * 4 + 6 * 4;
@@ -25,6 +26,33 @@ void putKey(ByteWriter& w, ChunkKey key) { w.i32(key.x), w.i32(key.y), w.i32(key
 ChunkKey getKey(ByteReader& r) {
     const int32_t x = r.i32(), y = r.i32(), z = r.i32();
     return {x, y, z};
+}
+
+void putLevels(ByteWriter& w, std::span<const LevelRecord> levels) {
+    w.u32(static_cast<uint32_t>(levels.size()));
+    for (const LevelRecord& l : levels) {
+        w.u32(l.triangles);
+        w.u32(l.vertices);
+        w.u32(l.clusters);
+        w.f32(l.error);
+    }
+}
+
+/// Errors ascend from 0.
+std::vector<LevelRecord> getLevels(ByteReader& r) {
+    std::vector<LevelRecord> levels(r.count(kLevelRecordBytes, "levels"));
+    if (levels.size() > kMaxLevels) r.fail(std::to_string(levels.size()) + " levels");
+    float error = 0;
+    for (LevelRecord& l : levels) {
+        l.triangles = r.u32();
+        l.vertices = r.u32();
+        l.clusters = r.u32();
+        l.error = r.f32();
+        if (l.error < error || (&l == levels.data() && l.error != 0))
+            r.fail("the errors of levels do not ascend from 0");
+        error = l.error;
+    }
+    return levels;
 }
 
 template <class T>
@@ -75,7 +103,7 @@ std::vector<std::byte> encodeDirectory(std::span<const ChunkRecord> chunks) {
         putKey(w, c.key);
         w.box(c.bounds);
         w.u32(c.instances);
-        w.u8(c.terrain ? 1 : 0);
+        putLevels(w, c.terrain);
         w.u32(static_cast<uint32_t>(c.meshes.size()));
         for (const uint32_t id : c.meshes) w.u32(id);
     }
@@ -91,9 +119,7 @@ Result<std::vector<ChunkRecord>> decodeDirectory(std::span<const std::byte> byte
         if (i > 0 && !(chunks[i - 1].key < c.key)) r.fail("chunk " + toString(c.key) + " is out of order");
         c.bounds = r.box();
         c.instances = r.u32();
-        const uint8_t terrain = r.u8();
-        if (terrain > 1) r.fail("chunk " + toString(c.key) + " has terrain neither nor");
-        c.terrain = terrain == 1;
+        c.terrain = getLevels(r);
         c.meshes.resize(r.count(sizeof(uint32_t), "mesh ids"));
         for (uint32_t& id : c.meshes) id = r.u32();
         if (std::adjacent_find(c.meshes.begin(), c.meshes.end(), std::greater_equal<>()) != c.meshes.end())
@@ -106,14 +132,7 @@ std::vector<std::byte> encodeMeshTable(std::span<const MeshRecord> meshes) {
     ByteWriter w;
     w.u32(static_cast<uint32_t>(meshes.size()));
     for (const MeshRecord& m : meshes) {
-        CHECK(m.levelVertices.size() == m.levelTriangles.size() &&
-              m.levelErrors.size() == m.levelTriangles.size());
-        w.u32(static_cast<uint32_t>(m.levelTriangles.size()));
-        for (size_t k = 0; k < m.levelTriangles.size(); ++k) {
-            w.u32(m.levelTriangles[k]);
-            w.u32(m.levelVertices[k]);
-            w.f32(m.levelErrors[k]);
-        }
+        putLevels(w, m.levels);
         w.box(m.bounds);
     }
     return w.take();
@@ -124,14 +143,8 @@ Result<std::vector<MeshRecord>> decodeMeshTable(std::span<const std::byte> bytes
     std::vector<MeshRecord> meshes(r.count(kMeshRecordBytes, "meshes"));
     for (size_t i = 0; i < meshes.size() && r.ok(); ++i) {
         MeshRecord& m = meshes[i];
-        const uint32_t levels = r.count(12, "levels");
-        if (levels == 0 || levels > kMaxLevels)
-            r.fail("mesh " + std::to_string(i) + " has " + std::to_string(levels) + " levels");
-        for (uint32_t k = 0; k < levels && r.ok(); ++k) {
-            m.levelTriangles.push_back(r.u32());
-            m.levelVertices.push_back(r.u32());
-            m.levelErrors.push_back(r.f32());
-        }
+        m.levels = getLevels(r);
+        if (m.levels.empty()) r.fail("mesh " + std::to_string(i) + " has no levels");
         m.bounds = r.box();
     }
     return whole(r, std::move(meshes));
@@ -161,12 +174,11 @@ Result<std::vector<NamedInstance>> decodeNames(std::span<const std::byte> bytes)
     return whole(r, std::move(names));
 }
 
-std::vector<std::byte> encodeInstances(const InstanceRow& row) {
+std::vector<std::byte> encodeInstances(std::span<const Instance> instances) {
     ByteWriter w;
-    w.reserve(8 + row.instances.size() * kInstanceBytes);
-    w.u32(row.terrainLevels);
-    w.u32(static_cast<uint32_t>(row.instances.size()));
-    for (const Instance& i : row.instances) {
+    w.reserve(4 + instances.size() * kInstanceBytes);
+    w.u32(static_cast<uint32_t>(instances.size()));
+    for (const Instance& i : instances) {
         w.u32(i.mesh);
         for (int column = 0; column < 3; ++column) w.vec3(i.placement.linear[column]);
         w.dvec3(i.placement.translation);
@@ -174,18 +186,15 @@ std::vector<std::byte> encodeInstances(const InstanceRow& row) {
     return w.take();
 }
 
-Result<InstanceRow> decodeInstances(std::span<const std::byte> bytes) {
+Result<std::vector<Instance>> decodeInstances(std::span<const std::byte> bytes) {
     ByteReader r(bytes);
-    InstanceRow row;
-    row.terrainLevels = r.u32();
-    if (row.terrainLevels > kMaxLevels) r.fail(std::to_string(row.terrainLevels) + " levels of terrain");
-    row.instances.resize(r.count(kInstanceBytes, "instances"));
-    for (Instance& i : row.instances) {
+    std::vector<Instance> instances(r.count(kInstanceBytes, "instances"));
+    for (Instance& i : instances) {
         i.mesh = r.u32();
         for (int column = 0; column < 3; ++column) i.placement.linear[column] = r.vec3();
         i.placement.translation = r.dvec3();
     }
-    return whole(r, std::move(row));
+    return whole(r, std::move(instances));
 }
 
 std::vector<std::byte> encodeMeshLevel(const MeshLevel& level) {

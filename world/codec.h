@@ -13,12 +13,6 @@
 
 namespace world {
 
-/// What a row of kind kInstances says.
-struct InstanceRow {
-    uint32_t terrainLevels = 0;  ///< rows of kind kTerrainMesh that belong to the chunk
-    std::vector<Instance> instances;
-};
-
 constexpr uint32_t kMaxLevels = 64;  ///< of detail, of one mesh; a guard, worlds have a handful
 
 std::vector<std::byte> encodeHeader(const Header& header);
@@ -37,8 +31,8 @@ std::vector<std::byte> encodeNames(std::span<const NamedInstance> names);
 /// Ascending by name, then chunk, then slot; no entry twice.
 Result<std::vector<NamedInstance>> decodeNames(std::span<const std::byte> bytes);
 
-std::vector<std::byte> encodeInstances(const InstanceRow& row);
-Result<InstanceRow> decodeInstances(std::span<const std::byte> bytes);
+std::vector<std::byte> encodeInstances(std::span<const Instance> instances);
+Result<std::vector<Instance>> decodeInstances(std::span<const std::byte> bytes);
 
 std::vector<std::byte> encodeMeshLevel(const MeshLevel& level);
 /// Indices in range, clusters within their size that follow each other and cover all indices.

@@ -70,7 +70,8 @@ Result<Done> screen(const std::string& path) {
     if (at(68) != kApplicationId)
         return bad(path, "is a database, but not a world: name a file that 'bake' wrote");
     if (at(60) > kWorldVersion) return newer(path, at(60));
-    if (at(60) == 0) return bad(path, "its version is 0, which none has: bake it again");
+    if (at(60) < kWorldVersion)
+        return bad(path, "is of version " + std::to_string(at(60)) + ", which this Gnomon does not read: bake it again");
     const uint32_t pageCode = uint32_t{head[16]} << 8 | head[17];
     const uint64_t whole = uint64_t{pageCode == 1 ? 65536 : pageCode} * at(28);
     if (size < whole)
@@ -280,26 +281,26 @@ Result<Chunk> WorldStore::readChunk(ChunkKey key) const {
                      impl_->path + ": chunk " + toString(key) + ": there is no such chunk"};
 
     const BlobKey rowKey{key.x, key.y, key.z, 0, BlobKind::kInstances};
-    Result<InstanceRow> row = impl_->decoded<InstanceRow>(rowKey, &decodeInstances);
-    if (!row) return row.error();
+    Result<std::vector<Instance>> instances = impl_->decoded<std::vector<Instance>>(rowKey, &decodeInstances);
+    if (!instances) return instances.error();
     Chunk chunk;
     chunk.key = key;
-    chunk.instances = std::move(row.value().instances);
+    chunk.instances = std::move(instances.value());
     // What the directory promised is what readers have made room for.
     if (chunk.instances.size() != record->instances)
         return impl_->fault(rowKey, std::to_string(chunk.instances.size()) +
                                         " instances, the directory says " +
                                         std::to_string(record->instances));
-    if ((row.value().terrainLevels > 0) != record->terrain)
-        return impl_->fault(rowKey, "the directory says otherwise of its terrain");
     for (const Instance& instance : chunk.instances)
         if (!std::binary_search(record->meshes.begin(), record->meshes.end(), instance.mesh))
             return impl_->fault(
                 rowKey, "the directory does not say that it uses mesh " + std::to_string(instance.mesh));
-    for (uint32_t k = 0; k < row.value().terrainLevels; ++k) {
-        Result<MeshLevel> level = impl_->decoded<MeshLevel>(
-            {key.x, key.y, key.z, static_cast<int32_t>(k), BlobKind::kTerrainMesh}, &decodeMeshLevel);
+    for (size_t k = 0; k < record->terrain.size(); ++k) {
+        const BlobKey levelKey{key.x, key.y, key.z, static_cast<int32_t>(k), BlobKind::kTerrainMesh};
+        Result<MeshLevel> level = impl_->decoded<MeshLevel>(levelKey, &decodeMeshLevel);
         if (!level) return level.error();
+        if (recordOf(level.value()) != record->terrain[k])
+            return impl_->fault(levelKey, "the directory says otherwise of its size or error");
         chunk.terrain.levels.push_back(std::move(level.value()));
     }
     chunk.terrain.bounds = boundsOf(chunk.terrain);
@@ -313,13 +314,11 @@ Result<Mesh> WorldStore::readMesh(uint32_t id) const {
     const MeshRecord& record = impl_->meshes[id];
     Mesh mesh;
     mesh.bounds = record.bounds;
-    for (size_t k = 0; k < record.levelTriangles.size(); ++k) {
+    for (size_t k = 0; k < record.levels.size(); ++k) {
         const BlobKey key{static_cast<int32_t>(id), 0, 0, static_cast<int32_t>(k), BlobKind::kMesh};
         Result<MeshLevel> level = impl_->decoded<MeshLevel>(key, &decodeMeshLevel);
         if (!level) return level.error();
-        if (level.value().indices.size() != size_t{record.levelTriangles[k]} * 3 ||
-            level.value().positions.size() != record.levelVertices[k] ||
-            level.value().error != record.levelErrors[k])
+        if (recordOf(level.value()) != record.levels[k])
             return impl_->fault(key, "the mesh table says otherwise of its size or error");
         mesh.levels.push_back(std::move(level.value()));
     }

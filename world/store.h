@@ -13,7 +13,7 @@
 
 namespace world {
 
-constexpr uint32_t kWorldVersion = 1;
+constexpr uint32_t kWorldVersion = 2;
 
 enum class BlobKind : int32_t {
     kHeader = 0,       ///< Header; key 0,0,0,0

@@ -30,7 +30,7 @@ TEST(Yardstick, HasTenThousandBoxesOnOneGround) {
         ASSERT_TRUE(chunk) << chunk.error().what;
         instances += chunk.value().instances.size();
         for (const world::Instance& instance : chunk.value().instances)
-            triangles += store.meshes()[instance.mesh].levelTriangles[0];
+            triangles += store.meshes()[instance.mesh].levels[0].triangles;
     }
     EXPECT_EQ(instances, 10'001u);
     EXPECT_EQ(triangles, 10'000u * 12 + 204'800);

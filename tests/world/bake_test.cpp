@@ -85,7 +85,7 @@ void holdsItsSource(const RandomWorld& options) {
         const ChunkRecord& record = world.chunks()[at++];
         ASSERT_EQ(record.key, key);
         EXPECT_EQ(record.instances, made.instances.size());
-        EXPECT_EQ(record.terrain, made.terrain.has_value());
+        EXPECT_EQ(record.terrain.empty(), !made.terrain.has_value());
         const Result<Chunk> chunk = world.readChunk(key);
         ASSERT_TRUE(chunk) << chunk.error().what;
         ASSERT_EQ(chunk.value().instances.size(), made.instances.size());
@@ -226,8 +226,8 @@ TEST(Bake, LeavesOutWhatHasNoTriangles) {
     const Result<WorldStore> world = WorldStore::open(folder.file("w"));
     ASSERT_TRUE(world);
     EXPECT_TRUE(world.value().check().empty());
-    EXPECT_EQ(world.value().meshes()[1].levelTriangles, std::vector<uint32_t>{32})
-        << "an empty level ends the list";
+    ASSERT_EQ(world.value().meshes()[1].levels.size(), 1u) << "an empty level ends the list";
+    EXPECT_EQ(world.value().meshes()[1].levels[0].triangles, 32u);
     const std::vector<NamedInstance> names = {{"a", {}, 1}, {"b", {}, 0}};
     EXPECT_EQ(world.value().names().value(), names);
 }
@@ -276,7 +276,7 @@ protected:
         const std::vector<BlobInfo> list = world.value().listBlobs().value();
         for (const BlobInfo& info : list) rows_[info.key] = world.value().readBlob(info.key).value();
         for (const ChunkRecord& record : world.value().chunks())
-            if (record.terrain && record.instances > 1) key_ = record.key;
+            if (!record.terrain.empty() && record.instances > 1) key_ = record.key;
     }
     /// `says` must be in exactly one finding that also names `row`.
     void finds(const std::string& row, const std::string& says,
@@ -336,7 +336,7 @@ TEST_F(Check, FindsWhatRowsSayWronglyOfEachOther) {
               l.positions[l.indices[0]].y = 5000;
               l.clusters[0].max.y = 5000;
           }));
-    finds("terrain mesh " + chunk + " level 0", "does not ascend",
+    finds("terrain mesh " + chunk + " level 0", "says otherwise",
           withLevel(terrain, [](MeshLevel& l) { l.error = 1000; }));
     finds("mesh 0 level 0", "bounds are not those of the mesh table", withLevel(mesh, [](MeshLevel& l) {
               l.positions[l.indices[0]].y = 3;
@@ -346,22 +346,22 @@ TEST_F(Check, FindsWhatRowsSayWronglyOfEachOther) {
           withLevel(mesh, [](MeshLevel& l) { l.positions.emplace_back(0.0f); }));
     finds("mesh 0 level 0", "clusters cover", withLevel(mesh, [](MeshLevel& l) { l.clusters.clear(); }));
 
-    const auto withRow = [&](const std::function<void(InstanceRow&)>& damage) {
-        return with<InstanceRow>(instances, decodeInstances, encodeInstances, damage);
+    const auto withRow = [&](const std::function<void(std::vector<Instance>&)>& damage) {
+        return with<std::vector<Instance>>(instances, decodeInstances, encodeInstances, damage);
     };
     finds("instances " + chunk, "the directory says",
-          withRow([](InstanceRow& r) { r.instances.pop_back(); }));
-    finds("instances " + chunk, "uses mesh 999", withRow([](InstanceRow& r) { r.instances[0].mesh = 999; }));
-    finds("instances " + chunk, "otherwise of its terrain",
-          withRow([](InstanceRow& r) { r.terrainLevels = 0; }));
+          withRow([](std::vector<Instance>& r) { r.pop_back(); }));
+    finds("instances " + chunk, "uses mesh 999", withRow([](std::vector<Instance>& r) { r[0].mesh = 999; }));
+    finds("terrain mesh " + chunk, "nothing in the world names this row",
+          withRecord([](ChunkRecord& r) { r.terrain.pop_back(); }));
     finds("terrain mesh " + chunk, "the row is missing",
-          withRow([](InstanceRow& r) { r.terrainLevels = 9; }));
+          withRecord([](ChunkRecord& r) { r.terrain.push_back(r.terrain.back()); }));
     finds("instances " + chunk, "leaves the chunk's bounds",
-          withRow([](InstanceRow& r) { r.instances[0].placement.translation.y += 1000; }));
+          withRow([](std::vector<Instance>& r) { r[0].placement.translation.y += 1000; }));
 
     finds("header", "leaves its bounds", withRecord([](ChunkRecord& r) { r.bounds.max.y += 1000; }));
-    finds("instances " + chunk, "that no instance uses", withRow([](InstanceRow& r) {
-              for (Instance& i : r.instances) i.mesh = r.instances[0].mesh;
+    finds("instances " + chunk, "that no instance uses", withRow([](std::vector<Instance>& r) {
+              for (Instance& i : r) i.mesh = r[0].mesh;
           }));
     const auto withNames = [&](const std::function<void(std::vector<NamedInstance>&)>& damage) {
         return with<std::vector<NamedInstance>>(

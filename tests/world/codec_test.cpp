@@ -38,6 +38,15 @@ Header randomHeader(std::mt19937& rng) {
     return header;
 }
 
+std::vector<LevelRecord> randomLevels(size_t count, std::mt19937& rng) {
+    std::vector<LevelRecord> levels;
+    while (levels.size() < count) {
+        const auto error = static_cast<float>(levels.size());
+        levels.push_back({uint32_t(rng()), uint32_t(rng()), uint32_t(rng()), error});
+    }
+    return levels;
+}
+
 std::vector<ChunkRecord> randomDirectory(std::mt19937& rng) {
     std::vector<ChunkRecord> records(rng() % 6);
     int32_t x = std::numeric_limits<int32_t>::min();
@@ -46,7 +55,7 @@ std::vector<ChunkRecord> randomDirectory(std::mt19937& rng) {
         x += 1 + static_cast<int32_t>(rng() % 100);
         r.bounds = randomBox(rng);
         r.instances = rng();
-        r.terrain = rng() % 2;
+        r.terrain = randomLevels(rng() % 5, rng);
         for (uint32_t id = rng() % 3; r.meshes.size() < rng() % 5; id += 1 + rng() % 9)
             r.meshes.push_back(id);
     }
@@ -57,11 +66,7 @@ std::vector<MeshRecord> randomTable(std::mt19937& rng) {
     std::vector<MeshRecord> records(rng() % 5);
     for (MeshRecord& r : records) {
         r.bounds = randomBox(rng);
-        for (uint32_t k = 0; k <= rng() % 4; ++k) {
-            r.levelTriangles.push_back(rng());
-            r.levelVertices.push_back(rng());
-            r.levelErrors.push_back(static_cast<float>(k));
-        }
+        r.levels = randomLevels(1 + rng() % 4, rng);
     }
     return records;
 }
@@ -75,12 +80,10 @@ std::vector<NamedInstance> randomNames(std::mt19937& rng) {
     return names;
 }
 
-InstanceRow randomInstances(std::mt19937& rng) {
+std::vector<Instance> randomInstances(std::mt19937& rng) {
     std::uniform_real_distribution<float> f(-1e3f, 1e3f);
-    InstanceRow row;
-    row.terrainLevels = rng() % 5;
-    row.instances.resize(rng() % 5);
-    for (Instance& i : row.instances) {
+    std::vector<Instance> row(rng() % 5);
+    for (Instance& i : row) {
         i.mesh = rng();
         for (int c = 0; c < 3; ++c)
             for (int r = 0; r < 3; ++r) i.placement.linear[c][r] = f(rng);
@@ -127,7 +130,8 @@ std::vector<Kind> kinds() {
                                           decodeMeshTable),
             kind<std::vector<NamedInstance>>("names", randomNames, encodeList<NamedInstance, encodeNames>,
                                              decodeNames),
-            kind<InstanceRow>("instances", randomInstances, encodeInstances, decodeInstances),
+            kind<std::vector<Instance>>("instances", randomInstances, encodeList<Instance, encodeInstances>,
+                                        decodeInstances),
             kind<MeshLevel>("mesh level", randomLevel, encodeMeshLevel, decodeMeshLevel)};
 }
 
@@ -159,17 +163,13 @@ TEST(Codec, KeepsEveryField) {
         const auto t = randomTable(rng), t2 = decodeMeshTable(encodeMeshTable(t)).value();
         ASSERT_EQ(t.size(), t2.size());
         for (size_t i = 0; i < t.size(); ++i)
-            ASSERT_TRUE(t[i].levelTriangles == t2[i].levelTriangles &&
-                        t[i].levelErrors == t2[i].levelErrors && t[i].levelVertices == t2[i].levelVertices &&
-                        t[i].bounds == t2[i].bounds);
+            ASSERT_TRUE(t[i].levels == t2[i].levels && t[i].bounds == t2[i].bounds);
         const auto n = randomNames(rng), n2 = decodeNames(encodeNames(n)).value();
         ASSERT_EQ(n, n2);
-        const InstanceRow r = randomInstances(rng), r2 = decodeInstances(encodeInstances(r)).value();
-        ASSERT_EQ(r.terrainLevels, r2.terrainLevels);
-        ASSERT_EQ(r.instances.size(), r2.instances.size());
-        for (size_t i = 0; i < r.instances.size(); ++i)
-            ASSERT_TRUE(r.instances[i].mesh == r2.instances[i].mesh &&
-                        r.instances[i].placement == r2.instances[i].placement);
+        const auto r = randomInstances(rng), r2 = decodeInstances(encodeInstances(r)).value();
+        ASSERT_EQ(r.size(), r2.size());
+        for (size_t i = 0; i < r.size(); ++i)
+            ASSERT_TRUE(r[i].mesh == r2[i].mesh && r[i].placement == r2[i].placement);
         const MeshLevel l = randomLevel(rng), l2 = decodeMeshLevel(encodeMeshLevel(l)).value();
         ASSERT_TRUE(l.error == l2.error && l.positions == l2.positions && l.indices == l2.indices);
         ASSERT_EQ(l.clusters.size(), l2.clusters.size());
@@ -256,9 +256,8 @@ TEST(Codec, RefusesWhatIsNotFiniteOrOutOfRange) {
     EXPECT_TRUE(refused([](MeshLevel& l) { l.clusters[0].firstIndex = 3; }));
     EXPECT_TRUE(refused([](MeshLevel& l) { l.clusters[0].max.z = kInf; }));
 
-    InstanceRow row;
-    row.instances.resize(1);
-    row.instances[0].placement.translation.z = kInf;
+    std::vector<Instance> row(1);
+    row[0].placement.translation.z = kInf;
     EXPECT_FALSE(decodeInstances(encodeInstances(row)));
 
     Header header;

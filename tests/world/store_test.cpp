@@ -219,7 +219,7 @@ TEST(Store, NamesWhatIsNoWorld) {
     cutInto(folder.file("other"), "CREATE TABLE blob(x)");
     expectRefused(folder.file("other"), ErrorCode::kBadData, "not a world");
     cutInto(folder.file("other"),
-            "PRAGMA application_id=" + std::to_string(kApplicationId) + "; PRAGMA user_version=1");
+            "PRAGMA application_id=" + std::to_string(kApplicationId) + "; PRAGMA user_version=" + std::to_string(kWorldVersion));
     expectRefused(folder.file("other"), ErrorCode::kBadData, "its tables are not those of a world");
 
     writeWorld(folder.file("more"));
@@ -232,13 +232,16 @@ TEST(Store, NamesWhatIsNoWorld) {
     writeWorld(folder.file("newer"));
     cutInto(folder.file("newer"), "PRAGMA user_version=" + std::to_string(kWorldVersion + 1));
     expectRefused(folder.file("newer"), ErrorCode::kBadData,
-                  "was written by a newer Gnomon (version 2, this one reads up to 1): update Gnomon");
+                  "was written by a newer Gnomon (version 3, this one reads up to 2): update Gnomon");
+    writeWorld(folder.file("older"));
+    cutInto(folder.file("older"), "PRAGMA user_version=1");
+    expectRefused(folder.file("older"), ErrorCode::kBadData, "is of version 1, which this Gnomon does not read");
     Result<WorldWriter> writer = WorldWriter::create(folder.file("header"));
     ByteWriter header;
     header.u32(kWorldVersion + 5);
     ASSERT_TRUE(writer.value().put({.kind = BlobKind::kHeader}, header.take()));
     ASSERT_TRUE(writer.value().finish());
-    expectRefused(folder.file("header"), ErrorCode::kBadData, "was written by a newer Gnomon (version 6");
+    expectRefused(folder.file("header"), ErrorCode::kBadData, "was written by a newer Gnomon (version 7");
 
     for (const char* kind : {"0", "1", "2"}) {
         writeWorld(folder.file("gap"));

@@ -99,7 +99,7 @@ struct Model {
         ASSERT_EQ(held, used);
         for (const uint32_t id : used) {
             bytes += meshBytes[id];
-            ASSERT_EQ(streamer.mesh(id).levels.size(), store.meshes()[id].levelTriangles.size());
+            ASSERT_EQ(streamer.mesh(id).levels.size(), store.meshes()[id].levels.size());
         }
         ASSERT_EQ(streamer.residentBytes(), bytes);
         ASSERT_EQ(streamer.residentChunks(), chunks.size());
