@@ -214,8 +214,21 @@ void Landscape::digTunnels() {
             tunnel.bounds.add(tunnel.axis[i] - r);
             tunnel.bounds.add(tunnel.axis[i] + r);
         }
+        widestTunnel_ = std::max(widestTunnel_, tunnel.bounds.max.x - tunnel.bounds.min.x);
         tunnels_.push_back(std::move(tunnel));
     }
+    std::stable_sort(tunnels_.begin(), tunnels_.end(), [](const Tunnel& a, const Tunnel& b) {
+        return a.bounds.min.x < b.bounds.min.x;
+    });
+}
+
+/// All tunnels whose bounds meet [x0, x1], and some others.
+std::span<const Landscape::Tunnel> Landscape::tunnelsBetween(double x0, double x1) const {
+    const auto startsBefore = [](const Tunnel& tunnel, double x) { return tunnel.bounds.min.x < x; };
+    const auto first = std::lower_bound(tunnels_.begin(), tunnels_.end(), x0 - widestTunnel_, startsBefore);
+    const auto end = std::partition_point(first, tunnels_.end(),
+                                          [&](const Tunnel& t) { return t.bounds.min.x <= x1; });
+    return {first, end};
 }
 
 // ---- asking ----
@@ -223,7 +236,7 @@ void Landscape::digTunnels() {
 double Landscape::sign(glm::dvec3 p) const {
     const Column c = column(p.x, p.z);
     double f = p.y - c.base - plateauHeight(c, p);
-    for (const Tunnel& tunnel : tunnels_) {
+    for (const Tunnel& tunnel : tunnelsBetween(p.x, p.x)) {
         if (tunnel.bounds.overlaps({p, p})) f = std::max(f, -hollow(tunnel, p));
     }
     return f;
@@ -232,7 +245,7 @@ double Landscape::sign(glm::dvec3 p) const {
 double Landscape::groundHeight(double x, double z) const {
     const Column c = column(x, z);
     std::vector<const Tunnel*> near;
-    for (const Tunnel& t : tunnels_) {
+    for (const Tunnel& t : tunnelsBetween(x, x)) {
         if (x >= t.bounds.min.x && x <= t.bounds.max.x && z >= t.bounds.min.z && z <= t.bounds.max.z)
             near.push_back(&t);
     }
@@ -276,7 +289,7 @@ FieldBlock Landscape::sample(const LatticeRect& rect) const {
     const Box area{{rect.x(0) - far, -1e9, rect.z(0) - far},
                    {rect.x(rect.countX) + far, 1e9, rect.z(rect.countZ) + far}};
     std::vector<const Tunnel*> near;
-    for (const Tunnel& t : tunnels_) {
+    for (const Tunnel& t : tunnelsBetween(area.min.x, area.max.x)) {
         if (!t.bounds.overlaps(area)) continue;
         near.push_back(&t);
         lowest = std::min(lowest, t.bounds.min.y);

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <glm/glm.hpp>
+#include <span>
 #include <vector>
 
 #include "world/terrain_field.h"
@@ -46,6 +47,7 @@ public:
         std::vector<double> radius;    ///< [m], same size
         Box bounds;                    ///< of the hollow
     };
+    /// Ascending by bounds.min.x.
     const std::vector<Tunnel>& tunnels() const { return tunnels_; }
 
     /// The field for baking. The landscape must outlive the calls.
@@ -72,6 +74,7 @@ private:
     double flatHeight(double x, double z) const;
     double hollow(const Tunnel& tunnel, glm::dvec3 p) const;
     void digTunnels();
+    std::span<const Tunnel> tunnelsBetween(double x0, double x1) const;
 
     double size_;
     uint32_t seed_;
@@ -79,6 +82,7 @@ private:
     std::vector<double> roadTable_;  // distance along the road at equal steps of angle
     std::vector<double> villageAngles_, villages_;
     std::vector<Tunnel> tunnels_;
+    double widestTunnel_ = 0;  // along x [m]
 };
 
 }  // namespace world

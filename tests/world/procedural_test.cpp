@@ -7,6 +7,7 @@
 #include <map>
 #include <random>
 #include <set>
+#include <tuple>
 
 #include "world/procedural_field.h"
 #include "world/procedural_meshes.h"
@@ -48,6 +49,31 @@ TEST(Procedural, SameSeedSameWorldOnAnyThreads) {
     }
     const Result<BakeSource> other = openProcedural(8, kSmall);
     EXPECT_FALSE(same(a.value().make({0, 0, 0}).value(), other.value().make({0, 0, 0}).value()));
+}
+
+TEST(Procedural, HasTheSameInstancesInChunksOfAnySize) {
+    using Key = std::tuple<double, double, double, uint32_t, float>;
+    std::vector<std::set<Key>> worlds;
+    for (const double chunkSize : {64.0, 256.0, 512.0}) {
+        ProceduralOptions options = kSmall;
+        options.chunkSize = chunkSize;
+        const Result<BakeSource> source = openProcedural(7, options);
+        ASSERT_TRUE(source);
+        std::set<Key>& world = worlds.emplace_back();
+        size_t count = 0;
+        for (const ChunkKey& key : source.value().chunks) {
+            const SourceChunk chunk = source.value().make(key).value();
+            count += chunk.instances.size();
+            for (const Instance& it : chunk.instances) {
+                const glm::dvec3 t = it.placement.translation;
+                world.insert({t.x, t.y, t.z, it.mesh, it.placement.linear[0][0]});
+            }
+        }
+        EXPECT_EQ(count, kSmall.instances);
+        EXPECT_EQ(world.size(), kSmall.instances);
+    }
+    EXPECT_EQ(worlds[0], worlds[1]);
+    EXPECT_EQ(worlds[0], worlds[2]);
 }
 
 TEST(Procedural, RefusesOptionsThatMakeNoWorld) {
