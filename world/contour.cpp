@@ -8,6 +8,16 @@
 #include <cmath>
 
 namespace world {
+namespace {
+
+/// OpenVDB's usual tree with nodes of 8^3 children under its root, not 32^3: a chunk fills one, and making, copying
+/// and clearing its pointers is what small grids cost. The order of leaves stays, up to kMaxBandSide samples aside.
+template <class Value>
+using Tree = typename openvdb::tree::Tree4<Value, 3, 4, 3>::Type;
+using FloatGrid = openvdb::Grid<Tree<float>>;
+using BoolGrid = openvdb::Grid<Tree<bool>>;
+
+}  // namespace
 
 Columns columnsOf(const Band& band, int32_t side) {
     const int n = band.count.x;
@@ -36,10 +46,10 @@ Columns columnsOf(const Band& band, int32_t side) {
 }
 
 MeshLevel contour(const Band& band, const Columns& columns, float adaptivity, double voxel) {
-    openvdb::FloatGrid grid(kBandVoxels);
+    FloatGrid grid(kBandVoxels);
     grid.setGridClass(openvdb::GRID_LEVEL_SET);
-    openvdb::BoolGrid::Ptr mask = openvdb::BoolGrid::create(false);
-    openvdb::BoolTree::Ptr rim(new openvdb::BoolTree(false));
+    const BoolGrid::Ptr mask = BoolGrid::create(false);
+    const BoolGrid::TreePtrType rim(new BoolGrid::TreeType(false));
     for (int x = 0; x < band.count.x; x += kLeafSide) {
         for (int y = 0; y < band.count.y; y += kLeafSide) {
             for (int z = 0; z < band.count.z; z += kLeafSide) {
