@@ -3,8 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 
 namespace world {
+namespace {
+
+constexpr int kRings = 2;  // cells that the longest distance spans
+
+}  // namespace
 
 glm::vec3 nearestOnTriangle(glm::vec3 p, glm::vec3 a, glm::vec3 b, glm::vec3 c) {
     const glm::vec3 ab = b - a, ac = c - a, ap = p - a;
@@ -28,7 +34,7 @@ glm::vec3 nearestOnTriangle(glm::vec3 p, glm::vec3 a, glm::vec3 b, glm::vec3 c) 
 
 TriangleGrid::TriangleGrid(std::span<const glm::vec3> positions, std::span<const uint32_t> indices,
                            float reach)
-    : positions_(positions), indices_(indices), reach_(reach) {
+    : positions_(positions), indices_(indices), reach_(reach), cell_(reach / kRings) {
     if (indices.empty()) return;
     glm::vec3 high = positions[indices[0]];
     low_ = high;
@@ -36,14 +42,14 @@ TriangleGrid::TriangleGrid(std::span<const glm::vec3> positions, std::span<const
         low_ = glm::min(low_, positions[i]);
         high = glm::max(high, positions[i]);
     }
-    cells_ = glm::ivec3((high - low_) / reach) + 1;
+    cells_ = glm::ivec3((high - low_) / cell_) + 1;
 
     // Counting sort: count per cell, prefix sums, then fill.
     const auto forCells = [&](uint32_t triangle, auto&& visit) {
         const glm::vec3 a = positions[indices[3 * triangle]], b = positions[indices[3 * triangle + 1]],
                         c = positions[indices[3 * triangle + 2]];
-        const glm::ivec3 from((glm::min(a, glm::min(b, c)) - low_) / reach_);
-        const glm::ivec3 to((glm::max(a, glm::max(b, c)) - low_) / reach_);
+        const glm::ivec3 from((glm::min(a, glm::min(b, c)) - low_) / cell_);
+        const glm::ivec3 to((glm::max(a, glm::max(b, c)) - low_) / cell_);
         for (int x = from.x; x <= to.x; ++x)
             for (int y = from.y; y <= to.y; ++y)
                 for (int z = from.z; z <= to.z; ++z)
@@ -64,7 +70,7 @@ TriangleGrid::TriangleGrid(std::span<const glm::vec3> positions, std::span<const
 bool TriangleGrid::within(glm::vec3 p, float& distance) const {
     const float enough = distance * distance;
     float best = reach_ * reach_;
-    const glm::ivec3 home(glm::floor((p - low_) / reach_));
+    const glm::ivec3 home(glm::floor((p - low_) / cell_));
     const auto look = [&](glm::ivec3 at) {
         const size_t cell = static_cast<size_t>((at.x * cells_.y + at.y) * cells_.z + at.z);
         for (uint32_t i = first_[cell]; i < first_[cell + 1]; ++i) {
@@ -79,13 +85,20 @@ bool TriangleGrid::within(glm::vec3 p, float& distance) const {
     const auto inside = [&](glm::ivec3 at) {
         return glm::all(glm::greaterThanEqual(at, glm::ivec3(0))) && glm::all(glm::lessThan(at, cells_));
     };
-    if (inside(home) && look(home)) return true;
-    for (int x = -1; x <= 1; ++x)
-        for (int y = -1; y <= 1; ++y)
-            for (int z = -1; z <= 1; ++z) {
-                const glm::ivec3 at = home + glm::ivec3(x, y, z);
-                if (at != home && inside(at) && look(at)) return true;
+    for (int ring = 0; ring <= kRings; ++ring) {
+        for (int x = -ring; x <= ring; ++x)
+            for (int y = -ring; y <= ring; ++y) {
+                // Inside the ring's faces only the two ends of a row belong to it.
+                const int step = std::max(std::abs(x), std::abs(y)) == ring ? 1 : 2 * ring;
+                for (int z = -ring; z <= ring; z += step) {
+                    const glm::ivec3 at = home + glm::ivec3(x, y, z);
+                    if (inside(at) && look(at)) return true;
+                }
             }
+        // What no ring so far holds is at least so many cells away, but for rounding.
+        const float seen = (float(ring) - 0.01f) * cell_;
+        if (ring > 0 && best <= seen * seen) break;
+    }
     distance = std::sqrt(best);
     return false;
 }

@@ -13,7 +13,7 @@ namespace world {
 /// takes for no triangle.
 glm::vec3 nearestOnTriangle(glm::vec3 p, glm::vec3 a, glm::vec3 b, glm::vec3 c);
 
-/// Triangles in a grid of cells whose edge is the longest distance asked for. Holds views: positions
+/// Triangles in a grid of cells, half as wide as the longest distance asked for. Holds views: positions
 /// and indices must outlive it. Queries may run side by side.
 class TriangleGrid {
 public:
@@ -30,7 +30,7 @@ private:
 
     std::span<const glm::vec3> positions_;
     std::span<const uint32_t> indices_;
-    float reach_;
+    float reach_, cell_;
     glm::vec3 low_{0};
     glm::ivec3 cells_{0};
     std::vector<uint32_t> first_;      // per cell, into triangles_; one more at the end
