@@ -8,6 +8,8 @@
 
 namespace {
 
+double stopped() { return 0; }
+
 /// What a terminal shows after the text: carriage returns overwrite; blanks at a line's end are not seen.
 std::string screen(const std::string& text) {
     std::string shown, line;
@@ -34,7 +36,7 @@ TEST(Progress, WithoutATerminalPrintsALineEveryTenth) {
     for (size_t total : {1u, 7u, 10u, 1000u, 12345u}) {
         std::ostringstream out;
         {
-            tools::Progress progress("work", out, false);
+            tools::Progress progress("work", out, false, stopped);
             for (size_t k = 1; k <= total; ++k) progress.at(k, total);
         }
         EXPECT_EQ(lines(out.str()), std::min<size_t>(total, 10)) << total;
@@ -46,13 +48,12 @@ TEST(Progress, WithoutATerminalPrintsALineEveryTenth) {
 TEST(Progress, OnATerminalShowsABarAndRemovesIt) {
     std::ostringstream out;
     {
-        tools::Progress progress("work", out, true);
+        tools::Progress progress("work", out, true, stopped);
         progress.at(0, 100);
         progress.at(50, 100);
-        EXPECT_EQ(screen(out.str()), "work [" + std::string(20, '#') + std::string(20, '.') + "] 50 of 100");
+        EXPECT_EQ(screen(out.str()), "work [##########..........] 50 %, 50 of 100");
         progress.say("a warning");
-        EXPECT_EQ(screen(out.str()),
-                  "a warning\nwork [" + std::string(20, '#') + std::string(20, '.') + "] 50 of 100");
+        EXPECT_EQ(screen(out.str()), "a warning\nwork [##########..........] 50 %, 50 of 100");
         progress.at(100, 100);
     }
     EXPECT_EQ(screen(out.str()), "a warning\n");
@@ -60,16 +61,48 @@ TEST(Progress, OnATerminalShowsABarAndRemovesIt) {
 
 TEST(Progress, WritesOnlyWhatChanges) {
     std::ostringstream out;
-    tools::Progress progress("work", out, true);
+    tools::Progress progress("work", out, true, stopped);
     progress.at(1, 1'000'000);
     const size_t written = out.str().size();
     for (size_t k = 2; k < 9999; ++k) progress.at(k, 1'000'000);
     EXPECT_EQ(out.str().size(), written);
 }
 
+TEST(Progress, TellsRateAndTimeLeftOfWhatItSaw) {
+    double now = 1000;
+    std::ostringstream lines, terminal;
+    {
+        tools::Progress progress("work", lines, false, [&] { return now; });
+        tools::Progress bar("work", terminal, true, [&] { return now; });
+        const auto at = [&](double time, size_t done) {
+            now = time;
+            progress.at(done, 20'000);
+            bar.at(done, 20'000);
+        };
+        at(1000, 1500);  // done before, in no time
+        at(1010, 2000);
+        EXPECT_EQ(screen(terminal.str()),
+                  "work [##..................] 10 %, 2000 of 20000, 50/s, 6 min left");
+        at(1010.5, 2003);
+        EXPECT_EQ(screen(terminal.str()),
+                  "work [##..................] 10 %, 2000 of 20000, 50/s, 6 min left");
+        at(1011, 2005);  // the same percent a second later
+        EXPECT_EQ(screen(terminal.str()),
+                  "work [##..................] 10 %, 2005 of 20000, 45.9/s, 7 min left");
+        at(101'000, 4000);
+        at(101'100, 18'000);
+        at(101'200, 20'000);
+    }
+    EXPECT_EQ(lines.str(),
+              "work: 10 %, 2000 of 20000, 50/s, 6 min left\n"
+              "work: 20 %, 4000 of 20000, 0.025/s, 177.8 h left\n"
+              "work: 90 %, 18000 of 20000, 0.165/s, 3.4 h left\n"
+              "work: 100 %, 20000 of 20000, 0.185/s\n");
+}
+
 TEST(Progress, NothingToDoIsDone) {
     std::ostringstream out;
-    tools::Progress progress("work", out, false);
+    tools::Progress progress("work", out, false, stopped);
     progress.at(0, 0);
     EXPECT_EQ(out.str(), "work: 100 %, 0 of 0\n");
 }
