@@ -147,8 +147,9 @@ Result<int> runBake(const BakeOptions& options) {
     world::BakeStats stats;
     {
         Progress progress("bake", std::cerr, stderrIsTerminal());
-        const auto baked = world::bake(source.value(), options.output,
-                                       [&](size_t done, size_t total) { progress.at(done, total); });
+        const auto baked = world::bake(
+            source.value(), options.output, [&](size_t done, size_t total) { progress.at(done, total); },
+            [&](const std::string& line) { progress.say(line); });
         if (!baked) return baked.error();
         stats = baked.value();
     }

@@ -88,7 +88,9 @@ Result<SizeCost> bakeSize(const world::ProceduralOptions& options, const std::st
     const auto start = std::chrono::steady_clock::now();
     Progress progress("bake", std::cerr, stderrIsTerminal());
     const auto baked =
-        world::bake(source.value(), world, [&](size_t done, size_t total) { progress.at(done, total); });
+        world::bake(
+            source.value(), world, [&](size_t done, size_t total) { progress.at(done, total); },
+            [&](const std::string& line) { progress.say(line); });
     if (!baked) return baked.error();
     std::printf("baked %s in %.0f s with at most %.0f MiB\n", world.c_str(), msSince(start) / 1000,
                 memory().mostMiB);

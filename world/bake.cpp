@@ -5,11 +5,14 @@
 
 #include <algorithm>
 #include <atomic>
+#include <fstream>
 #include <memory>
+#include <span>
 #include <tuple>
 
 #include "world/clusters.h"
 #include "world/codec.h"
+#include "world/hash.h"
 #include "world/mesh_bounds.h"
 #include "world/store.h"
 
@@ -38,12 +41,12 @@ Error bad(const BakeSource& source, const std::string& what) {
     return {ErrorCode::kBadData, source.header.source + ": " + what};
 }
 
-/// Makes items 0 to count - 1 on all threads and takes them in order on one thread at a time; at most two
+/// Makes items first to count - 1 on all threads and takes them in order on one thread at a time; at most two
 /// items a thread are in flight, which bounds the memory. The first error in order wins.
 template <class Item, class Make, class Take>
-Result<Done> inOrder(size_t count, const Make& make, const Take& take) {
+Result<Done> inOrder(size_t first, size_t count, const Make& make, const Take& take) {
     using Ticket = std::shared_ptr<Result<Item>>;
-    size_t next = 0;
+    size_t next = first;
     std::atomic<bool> failed = false;
     Result<Done> outcome = Done{};
     const size_t inFlight = static_cast<size_t>(tbb::this_task_arena::max_concurrency()) * 2;
@@ -51,7 +54,7 @@ Result<Done> inOrder(size_t count, const Make& make, const Take& take) {
         inFlight,
         tbb::make_filter<void, size_t>(tbb::filter_mode::serial_in_order,
                                        [&](tbb::flow_control& flow) -> size_t {
-                                           if (failed || next == count) {
+                                           if (failed || next >= count) {
                                                flow.stop();
                                                return 0;
                                            }
@@ -66,6 +69,10 @@ Result<Done> inOrder(size_t count, const Make& make, const Take& take) {
                 if (!outcome) failed = true;
             }));
     return outcome;
+}
+
+bool byName(const NamedInstance& a, const NamedInstance& b) {
+    return std::tie(a.name, a.chunk, a.slot) < std::tie(b.name, b.chunk, b.slot);
 }
 
 bool finite(const glm::vec3& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
@@ -139,6 +146,7 @@ Result<Done> bakeInstances(const BakeSource& source, const std::vector<MeshRecor
         baked.record.meshes.push_back(instance.mesh);
         casting.push_back(instance);
     }
+    std::sort(baked.names.begin(), baked.names.end(), byName);
     std::vector<uint32_t>& ids = baked.record.meshes;
     std::sort(ids.begin(), ids.end());
     ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
@@ -190,63 +198,137 @@ Result<Done> putAll(WorldWriter& writer, const std::vector<Row>& rows) {
     return Done{};
 }
 
+/// Tells this bake from all that would write another world: by the source, and by the program, of which a
+/// version to come may make other meshes.
+uint64_t workOf(const BakeSource& source) {
+    uint64_t hash = hashBytes(encodeHeader(source.header), source.contents);
+    std::ifstream program("/proc/self/exe", std::ios::binary);
+    std::vector<char> part(size_t{1} << 20);
+    while (program.read(part.data(), static_cast<std::streamsize>(part.size())) || program.gcount() > 0)
+        hash = hashValues(std::span<const char>(part.data(), static_cast<size_t>(program.gcount())), hash);
+    for (const Mesh& mesh : source.meshes) {
+        for (const MeshLevel& level : mesh.levels) {
+            hash = hashValues(std::span<const glm::vec3>(level.positions), hash);
+            hash = hashValues(std::span<const uint32_t>(level.indices), hash);
+            hash = hashValues(std::span<const float>(&level.error, 1), hash);
+        }
+        const size_t levels = mesh.levels.size();
+        hash = hashValues(std::span<const size_t>(&levels, 1), hash);
+    }
+    hash = hashValues(std::span<const ChunkKey>(source.chunks), hash);
+    return std::max<uint64_t>(hash, 1);
+}
+
+/// All of a world but its rows of meshes and chunks: grows by a record for each of them.
+struct Tables {
+    std::vector<MeshRecord> meshes;
+    std::vector<ChunkRecord> chunks;
+    std::vector<NamedInstance> names;
+
+    void add(ChunkRecord record, const std::vector<NamedInstance>& named) {
+        names.insert(names.end(), named.begin(), named.end());
+        chunks.push_back(std::move(record));
+    }
+
+    /// The same from steps of an earlier bake: the meshes of the source first, then its chunks.
+    Result<Done> add(const std::vector<WorldWriter::Step>& steps, size_t meshCount) {
+        for (const WorldWriter::Step& step : steps) {
+            if (meshes.size() < meshCount) {
+                Result<std::vector<MeshRecord>> mesh = decodeMeshTable(step.record);
+                if (!mesh) return mesh.error();
+                meshes.insert(meshes.end(), mesh.value().begin(), mesh.value().end());
+            } else {
+                Result<std::vector<ChunkRecord>> chunk = decodeDirectory(step.record);
+                if (!chunk) return chunk.error();
+                const Result<std::vector<NamedInstance>> named = decodeNames(step.names);
+                if (!named) return named.error();
+                for (ChunkRecord& record : chunk.value()) add(std::move(record), named.value());
+            }
+        }
+        return Done{};
+    }
+
+    /// To be called once, at the end.
+    std::vector<Row> rows(Header header) {
+        header.version = kWorldVersion;
+        header.bounds = Box();
+        for (const ChunkRecord& chunk : chunks) header.bounds.add(chunk.bounds);
+        std::sort(names.begin(), names.end(), byName);
+        std::vector<Row> rows;
+        rows.push_back({{.kind = BlobKind::kDirectory}, encodeDirectory(chunks)});
+        rows.push_back({{.kind = BlobKind::kMeshTable}, encodeMeshTable(meshes)});
+        rows.push_back({{.kind = BlobKind::kNames}, encodeNames(names)});
+        rows.push_back({{.kind = BlobKind::kHeader}, encodeHeader(header)});
+        return rows;
+    }
+};
+
+BakeStats statsOf(const std::vector<ChunkRecord>& chunks) {
+    BakeStats stats;
+    stats.chunks = chunks.size();
+    for (const ChunkRecord& chunk : chunks) {
+        stats.instances += chunk.instances;
+        if (!chunk.terrain.empty()) stats.terrainTriangles += chunk.terrain[0].triangles;
+    }
+    return stats;
+}
+
 }  // namespace
 
-Result<BakeStats> bake(const BakeSource& source, const std::string& path, const Progress& progress) {
+Result<BakeStats> bake(const BakeSource& source, const std::string& path, const Progress& progress,
+                       const Notice& notice) {
     CHECK(std::adjacent_find(source.chunks.begin(), source.chunks.end(), std::greater_equal<>()) ==
           source.chunks.end());
     if (!(source.header.chunkSize > 0) || !std::isfinite(source.header.chunkSize))
         return bad(source, "its chunk size is not above 0");
-    Result<WorldWriter> created = WorldWriter::create(path);
+    Result<WorldWriter> created = WorldWriter::create(path, workOf(source));
     if (!created) return created.error();
     WorldWriter& writer = created.value();
 
-    std::vector<MeshRecord> meshes;
+    // A step for each mesh and then for each chunk.
+    const size_t meshCount = source.meshes.size(), chunkCount = source.chunks.size();
+    const std::vector<WorldWriter::Step> before = writer.takeSteps();
+    Tables tables;
+    const Result<Done> known = tables.add(before, meshCount);
+    if (!known || before.size() > meshCount + chunkCount)
+        return bad(source, path + ".baking was damaged and is removed: bake again");
+    const size_t meshesDone = tables.meshes.size();
+    size_t chunksDone = before.size() - meshesDone;
+    if (notice && writer.startedOver())
+        notice(path + ".baking is of another source, other options or another program: begins anew");
+    if (notice && !before.empty())
+        notice(path + ".baking: goes on after " + std::to_string(chunksDone) + " of " +
+               std::to_string(chunkCount) + " chunks");
+    if (progress && chunksDone > 0) progress(chunksDone, chunkCount);
+
     Result<Done> done = inOrder<BakedMesh>(
-        source.meshes.size(), [&](size_t id) { return bakeMesh(source, id); },
+        meshesDone, meshCount, [&](size_t id) { return bakeMesh(source, id); },
         [&](BakedMesh&& mesh) {
-            meshes.push_back(std::move(mesh.record));
-            return putAll(writer, mesh.rows);
+            const Result<Done> put = putAll(writer, mesh.rows);
+            if (!put) return put;
+            tables.meshes.push_back(std::move(mesh.record));
+            return writer.endStep({encodeMeshTable(std::span(&tables.meshes.back(), 1)), {}});
         });
     if (!done) return done.error();
-
-    BakeStats stats;
-    Header header = source.header;
-    header.version = kWorldVersion;
-    header.bounds = Box();
-    std::vector<ChunkRecord> chunks;
-    std::vector<NamedInstance> names;
-    size_t asked = 0;
     done = inOrder<BakedChunk>(
-        source.chunks.size(), [&](size_t i) { return bakeChunk(source, meshes, source.chunks[i]); },
+        chunksDone, chunkCount, [&](size_t i) { return bakeChunk(source, tables.meshes, source.chunks[i]); },
         [&](BakedChunk&& chunk) {
-            if (!chunk.rows.empty()) {
-                ++stats.chunks;
-                stats.instances += chunk.record.instances;
-                if (!chunk.record.terrain.empty()) stats.terrainTriangles += chunk.record.terrain[0].triangles;
-                header.bounds.add(chunk.record.bounds);
-                names.insert(names.end(), chunk.names.begin(), chunk.names.end());
-                chunks.push_back(std::move(chunk.record));
-            }
             Result<Done> put = putAll(writer, chunk.rows);
-            if (progress) progress(++asked, source.chunks.size());
+            if (!put) return put;
+            const bool casts = !chunk.rows.empty();
+            put = writer.endStep(
+                {encodeDirectory(std::span(&chunk.record, casts ? 1 : 0)), encodeNames(chunk.names)});
+            if (casts) tables.add(std::move(chunk.record), chunk.names);
+            if (progress) progress(++chunksDone, chunkCount);
             return put;
         });
     if (!done) return done.error();
-    if (chunks.empty())
+    if (tables.chunks.empty())
         return bad(
             source,
             "nothing in it casts a shadow: choose a source, or bounds, with triangles that are opaque");
-
-    std::sort(names.begin(), names.end(), [](const NamedInstance& a, const NamedInstance& b) {
-        return std::tie(a.name, a.chunk, a.slot) < std::tie(b.name, b.chunk, b.slot);
-    });
-    std::vector<Row> tables;
-    tables.push_back({{.kind = BlobKind::kDirectory}, encodeDirectory(chunks)});
-    tables.push_back({{.kind = BlobKind::kMeshTable}, encodeMeshTable(meshes)});
-    tables.push_back({{.kind = BlobKind::kNames}, encodeNames(names)});
-    tables.push_back({{.kind = BlobKind::kHeader}, encodeHeader(header)});
-    done = putAll(writer, tables);
+    const BakeStats stats = statsOf(tables.chunks);
+    done = putAll(writer, tables.rows(source.header));
     if (done) done = writer.finish();
     if (!done) return done.error();
     return stats;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <optional>
 #include <string>
@@ -31,19 +32,25 @@ struct BakeSource {
     std::vector<Mesh> meshes;  ///< shared meshes; levels without clusters
     std::vector<ChunkKey> chunks;  ///< ascending, unique
     std::function<Result<SourceChunk>(ChunkKey)> make;  ///< same key, same answer
+    uint64_t contents = 0;  ///< hash of all that `make` answers from: other contents, other hash
     std::vector<std::string> warnings;  ///< for the user, one line each: "12 garbage cells ..."
 };
 
 /// Called now and then from one thread at a time: chunks done, chunks in all.
 using Progress = std::function<void(size_t done, size_t total)>;
 
+/// Told, before the first chunk, what has become of an unfinished bake that lay there.
+using Notice = std::function<void(const std::string& line)>;
+
 struct BakeStats {
     size_t chunks = 0, instances = 0, terrainTriangles = 0;
 };
 
-/// Bakes `source` into `path`. The result does not depend on the number of threads.
+/// Bakes `source` into `path`. The result does not depend on the number of threads, nor on how often the
+/// bake was killed: it goes on where it was if source and program are the same, and begins anew if not.
 /// kBadData for a source without casters; errors of `make` and of the writer pass through, and then
 /// `path` is as it was.
-Result<BakeStats> bake(const BakeSource& source, const std::string& path, const Progress& progress);
+Result<BakeStats> bake(const BakeSource& source, const std::string& path, const Progress& progress,
+                       const Notice& notice = {});
 
 }  // namespace world

@@ -133,4 +133,16 @@ Result<Statement> Database::prepare(const char* sql) {
     return statement;
 }
 
+Result<std::vector<std::string>> Database::schema() {
+    Result<Statement> list = prepare("SELECT sql FROM sqlite_schema");
+    if (!list) return list.error();
+    std::vector<std::string> statements;
+    for (;;) {
+        const Result<bool> row = list.value().step();
+        if (!row) return row.error();
+        if (!row.value()) return statements;
+        statements.push_back(list.value().text(0));
+    }
+}
+
 }  // namespace world

@@ -6,6 +6,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "world/result.h"
 
@@ -51,12 +52,14 @@ public:
     /// Read-only, and without a lock, journal or temporary file: nobody writes to a finished world.
     /// Assumes that the file is hostile.
     static Result<Database> openReadOnly(const std::string& path);
-    /// An empty file of the caller's.
+    /// A file of the caller's: empty, or a database that it goes on writing.
     static Result<Database> openEmpty(const std::string& path);
 
     /// Runs statements that return nothing of interest.
     Result<Done> run(const std::string& sql);
     Result<Statement> prepare(const char* sql);
+    /// The statements that made its tables and whatever else it has, in their order.
+    Result<std::vector<std::string>> schema();
 
 private:
     struct Close {

@@ -13,7 +13,9 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <span>
 
+#include "world/hash.h"
 #include "world/heights.h"
 #include "world/terrain.h"
 
@@ -298,6 +300,9 @@ Result<BakeSource> openDem(const std::string& path, const DemOptions& options) {
     if (source.chunks.empty())
         return bad(path, "no heights there: every cell is no-data; choose other bounds");
 
+    const double place[] = {heights->x0, heights->z0, heights->dx, heights->dz, double(heights->columns)};
+    source.contents =
+        hashValues(std::span<const float>(heights->values), hashValues(std::span<const double>(place)));
     source.header.chunkSize = chunkSize;
     source.header.voxel = voxel;
     source.header.sun = sun.value();

@@ -13,10 +13,13 @@
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <utility>
 
+#include "world/codec.h"
 #include "world/gltf_file.h"
 #include "world/gltf_mesh.h"
+#include "world/hash.h"
 
 namespace world {
 namespace {
@@ -404,7 +407,12 @@ Result<BakeSource> sourceFrom(const Model& model, const fs::path& folder, const 
         chunk.instances.push_back(caster.instance);
         chunk.names.push_back(std::move(caster.name));
     }
-    for (const auto& [key, chunk] : *chunks) source.chunks.push_back(key);
+    for (const auto& [key, chunk] : *chunks) {
+        source.chunks.push_back(key);
+        source.contents = hashBytes(encodeInstances(chunk.instances), source.contents);
+        for (const std::string& name : chunk.names)
+            source.contents = hashValues(std::span<const char>(name.c_str(), name.size() + 1), source.contents);
+    }
     source.make = [chunks](ChunkKey key) -> Result<SourceChunk> {
         const auto found = chunks->find(key);
         if (found == chunks->end())

@@ -5,7 +5,9 @@
 #include <cmath>
 #include <map>
 #include <memory>
+#include <span>
 
+#include "world/hash.h"
 #include "world/noise.h"
 #include "world/procedural_field.h"
 #include "world/procedural_meshes.h"
@@ -142,8 +144,8 @@ Result<BakeSource> openProcedural(uint64_t seed, const ProceduralOptions& option
     if (options.instances > 10'000'000) return usage("more than 10,000,000 instances");
 
     const auto world = std::make_shared<const World>(seed, static_cast<uint32_t>(seed) * 977u, options);
-    const double edge = options.chunkSize;
-    const auto half = static_cast<int32_t>(std::lround(world->land.size() / 2 / edge));
+    const double size = world->land.size(), edge = options.chunkSize;
+    const auto half = static_cast<int32_t>(std::lround(size / 2 / edge));
     BakeSource source;
     for (int32_t x = -half; x < half; ++x) {
         for (int32_t z = -half; z < half; ++z) source.chunks.push_back({x, 0, z});
@@ -154,6 +156,8 @@ Result<BakeSource> openProcedural(uint64_t seed, const ProceduralOptions& option
     // Azimuth 120 degrees from north (-z) over east (+x), elevation 35: cos 35 * (sin 120, cos 120).
     source.header.sun = glm::normalize(options.sun.value_or(glm::dvec3(-0.709406, -0.573576, -0.409576)));
     source.meshes = proceduralMeshes();
+    const double made[] = {size, edge, options.voxel, double(options.instances)};
+    source.contents = hashValues(std::span<const double>(made), seed);
     source.make = [world, edge, side = static_cast<int32_t>(voxels),
                    voxel = options.voxel](ChunkKey key) -> Result<SourceChunk> {
         SourceChunk chunk = world->settled.inside(key);

@@ -92,17 +92,10 @@ Result<std::unique_ptr<Reader>> openReader(const std::string& path) {
     Result<Database> database = Database::openReadOnly(path);
     if (!database) return database.error();
     // Exactly our table: whatever else a file may bring (views, triggers, virtual tables) is never run.
-    Result<Statement> schema = database.value().prepare("SELECT sql FROM sqlite_schema");
+    const Result<std::vector<std::string>> schema = database.value().schema();
     if (!schema) return schema.error();
-    int entries = 0;
-    bool ours = true;
-    for (;; ++entries) {
-        const Result<bool> row = schema.value().step();
-        if (!row) return row.error();
-        if (!row.value()) break;
-        ours = ours && schema.value().text(0) == kBlobTable;
-    }
-    if (!ours || entries != 1) return bad(path, "its tables are not those of a world: bake it again");
+    if (schema.value() != std::vector<std::string>{kBlobTable})
+        return bad(path, "its tables are not those of a world: bake it again");
     Result<Statement> one = database.value().prepare(
         "SELECT codec, raw_size, checksum, data FROM blob WHERE x=? AND y=? AND z=? AND lod=? AND kind=?");
     if (!one) return one.error();

@@ -34,12 +34,22 @@ struct BlobKey {
 };
 std::string toString(const BlobKey& key);
 
-/// Writes a new world beside its final name and renames it when whole: a reader never meets half a
-/// world, and a failed or destroyed writer leaves nothing behind. One thread at a time.
+/// Writes a new world beside its final name, as `path`.baking, and renames it when whole: a reader never
+/// meets half a world, and a failed or destroyed writer leaves nothing behind. One thread at a time.
+///
+/// Work in steps can be gone on with. When a process is killed, or the disk fills up, the steps that had
+/// ended stay in `path`.baking, all but those of the last few MiB, and the next writer of the same work
+/// has them.
 class WorldWriter {
 public:
+    /// What a step left for the writer that goes on after it; bytes of the caller's.
+    struct Step {
+        std::vector<std::byte> record, names;
+    };
+
     /// kIo where the folder cannot be written; an older file at `path` stays until `finish`.
-    static Result<WorldWriter> create(const std::string& path);
+    ///   work  tells what is written from all else, to the last bit; 0: nothing that can be gone on with
+    static Result<WorldWriter> create(const std::string& path, uint64_t work = 0);
     WorldWriter(WorldWriter&&) noexcept;
     WorldWriter& operator=(WorldWriter&&) noexcept;
     ~WorldWriter();
@@ -48,12 +58,20 @@ public:
     /// Keys may come in any order, each once. kIo when the disk is full: the writer is then dead.
     Result<Done> put(const BlobKey& key, std::span<const std::byte> raw);
 
+    /// The steps that have ended already, in their order; once.
+    std::vector<Step> takeSteps();
+    /// Whether a file was left there that could not be gone on with, and was overwritten.
+    bool startedOver() const;
+    /// Ends a step: it and the rows put since the last one stay or go together. Errors as of `put`.
+    Result<Done> endStep(const Step& step);
+
     /// Commits, syncs and renames. The writer is spent.
     Result<Done> finish();
 
 private:
     struct Impl;
     explicit WorldWriter(std::unique_ptr<Impl> impl);
+    Error dead(const Error& why);
     std::unique_ptr<Impl> impl_;
 };
 

@@ -1,14 +1,13 @@
 #include "world/store.h"
 
 #include <gtest/gtest.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
 
 #include <atomic>
-#include <csignal>
 #include <map>
 #include <thread>
 
+#include "file_size_limit.h"
 #include "random_world.h"
 #include "world/blob.h"
 #include "world/bytes.h"
@@ -19,6 +18,7 @@
 namespace {
 
 using namespace world;
+using world_tests::FileSizeLimit;
 using world_tests::randomSource;
 using world_tests::readFile;
 using world_tests::TempFolder;
@@ -430,25 +430,6 @@ TEST(Store, NeverMixesAWorldWithItsSuccessor) {
     for (std::thread& t : threads) t.join();
     EXPECT_EQ(mixed, 0);
 }
-
-/// Lets no file of this process grow beyond `bytes`, which is how a full disk looks to a writer.
-class FileSizeLimit {
-public:
-    explicit FileSizeLimit(rlim_t bytes) {
-        handler_ = std::signal(SIGXFSZ, SIG_IGN);
-        ::getrlimit(RLIMIT_FSIZE, &before_);
-        const rlimit limit{bytes, before_.rlim_max};
-        ::setrlimit(RLIMIT_FSIZE, &limit);
-    }
-    ~FileSizeLimit() {
-        ::setrlimit(RLIMIT_FSIZE, &before_);
-        std::signal(SIGXFSZ, handler_);
-    }
-
-private:
-    rlimit before_{};
-    void (*handler_)(int);
-};
 
 TEST(Store, AFullDiskLeavesTheOldWorldAndNothingElse) {
     TempFolder folder;
