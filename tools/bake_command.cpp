@@ -11,6 +11,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "tools/options.h"
 #include "tools/progress.h"
@@ -33,7 +34,8 @@ using world::ErrorCode;
 using world::Result;
 
 struct BakeOptions {
-    std::string source, output;
+    std::vector<std::string> sources;
+    std::string output;
     std::string bounds, sun;          ///< as typed; empty: not given
     double chunkSize = 0, voxel = 0;  ///< [m]; 0: the source's own choice
     int threads = 0;                  ///< 0: all
@@ -81,18 +83,21 @@ Result<world::BakeSource> openSource(const BakeOptions& options) {
         if (!parsed) return parsed.error();
         bounds = parsed.value();
     }
-    const auto seed = proceduralSeed(options.source);
-    const bool gltf = !seed && isGltf(options.source);
+    const std::string& first = options.sources.front();
+    const auto seed = proceduralSeed(first);
+    const bool gltf = !seed && isGltf(first);
+    for (const std::string& source : options.sources)
+        if (options.sources.size() > 1 && (proceduralSeed(source) || !isGltf(source)))
+            return usage(source + ": only .glb and .gltf scenes can be put together; bake it alone");
     if (bounds && (seed || gltf))
-        return usage("--bounds: only for elevation models; leave it out for " + options.source);
-    if (options.voxel > 0 && gltf)
-        return usage("--voxel: only for terrain; leave it out for " + options.source);
+        return usage("--bounds: only for elevation models; leave it out for " + first);
+    if (options.voxel > 0 && gltf) return usage("--voxel: only for terrain; leave it out for " + first);
     if (seed) {
         if (!*seed) return seed->error();
         return world::openProcedural(seed->value(), proceduralOptions(options, sun));
     }
-    if (gltf) return world::openGltf(options.source, {options.chunkSize, sun});
-    return world::openDem(options.source, {bounds, options.chunkSize, options.voxel, sun});
+    if (gltf) return world::openGltf(options.sources, {options.chunkSize, sun});
+    return world::openDem(first, {bounds, options.chunkSize, options.voxel, sun});
 }
 
 /// The built-in path and movers, written beside their final names and renamed by `publish`.
@@ -139,7 +144,7 @@ Result<int> runBake(const BakeOptions& options) {
     for (const std::string& warning : source.value().warnings) std::cerr << "warning: " << warning << '\n';
 
     Companions companions;
-    if (const auto seed = proceduralSeed(options.source)) {
+    if (const auto seed = proceduralSeed(options.sources.front())) {
         const world::ProceduralOptions procedural = proceduralOptions(options, std::nullopt);
         if (const auto done = companions.write(options.output, seed->value(), procedural); !done)
             return done.error();
@@ -173,8 +178,9 @@ Command addBakeCommand(CLI::App& app) {
     const auto options = std::make_shared<BakeOptions>();
     CLI::App* parser = app.add_subcommand("bake", "Bake a source into a world file");
     parser
-        ->add_option("source", options->source,
-                     ".glb or .gltf scene, procedural:SEED for the built-in world, or an elevation model")
+        ->add_option("source", options->sources,
+                     ".glb or .gltf scenes, the tiles of one world; procedural:SEED for the built-in world; or an "
+                     "elevation model")
         ->required();
     parser->add_option("-o,--output", options->output, "world file to write")->required();
     parser->add_option("--bounds", options->bounds,

@@ -89,6 +89,8 @@ TEST_F(Commands, BadOptionsAreUsage) {
     expectRefusal("bake procedural:7 -o a.world --bounds 0,0,1,1", 2, "--bounds");
     expectRefusal("bake dem.tif -o a.world --bounds 3,0,1,1", 2, "--bounds");
     expectRefusal("bake dem.tif -o a.world --chunk=-3", 2, "--chunk");
+    expectRefusal("bake a.glb dem.tif -o a.world", 2, "dem.tif");
+    expectRefusal("bake a.glb procedural:7 -o a.world", 2, "procedural:7");
 }
 
 TEST_F(Commands, MissingAndForeignFilesAreData) {

@@ -9,6 +9,7 @@
 #include <limits>
 #include <map>
 #include <random>
+#include <tuple>
 
 #include "tests/world/gltf_builder.h"
 
@@ -165,6 +166,93 @@ TEST(Gltf, KeepsSharedMeshesAndUniqueNames) {
     EXPECT_EQ(names, (std::multiset<std::string>{"", "", "", "once"}));
     EXPECT_TRUE(warns(source.value(), "2 casters share their name"));
     EXPECT_EQ(source.value().header.source, "world.glb");
+}
+
+TEST(Gltf, PutsTilesTogetherAsIfTheyWereOneFile) {
+    std::mt19937 rng(61);
+    std::uniform_real_distribution<double> place(-300, 300);
+    GltfBuilder whole;
+    std::array<GltfBuilder, 3> parts;
+    for (int n = 0; n < 60; ++n) {
+        GltfBuilder& part = parts[rng() % 3];
+        const std::vector<glm::vec3> points = {{0, 0, 0}, {1, float(n), 0}, {0, 1, 2}};
+        Json node{{"translation", {place(rng), place(rng), place(rng)}}, {"name", std::to_string(n)}};
+        for (GltfBuilder* b : {&whole, &part}) {
+            node["mesh"] = b->mesh({GltfBuilder::primitive(b->positions(points))});
+            b->node(node);
+        }
+    }
+    const TempFolder folder;
+    std::vector<std::string> paths;
+    for (size_t i = 0; i < parts.size(); ++i)
+        paths.push_back(folder.write("tile" + std::to_string(i) + ".glb", parts[i].glb()));
+    for (const double size : {0.0, 50.0}) {
+        const Result<BakeSource> one = open(whole, {.chunkSize = size}),
+                                 tiled = openGltf(paths, {.chunkSize = size});
+        ASSERT_TRUE(one && tiled);
+        expectSound(tiled.value());
+        EXPECT_EQ(tiled.value().header.chunkSize, one.value().header.chunkSize);
+        EXPECT_EQ(tiled.value().header.source, "tile0.glb and 2 more");
+        EXPECT_EQ(tiled.value().chunks, one.value().chunks);
+        EXPECT_TRUE(tiled.value().warnings.empty());
+        const auto all = [](const BakeSource& source) {
+            std::map<std::string, std::tuple<ChunkKey, double, std::vector<Corners>>> casters;
+            for (const ChunkKey key : source.chunks) {
+                const SourceChunk chunk = source.make(key).value();
+                for (size_t i = 0; i < chunk.instances.size(); ++i)
+                    casters[chunk.names[i]] = {key, chunk.instances[i].placement.translation.x,
+                                               trianglesOf(source.meshes[chunk.instances[i].mesh])};
+            }
+            return casters;
+        };
+        EXPECT_EQ(all(tiled.value()).size(), 60u);
+        EXPECT_EQ(all(tiled.value()), all(one.value()));
+    }
+}
+
+TEST(Gltf, TellsEqualNamesOfTilesApart) {
+    const auto scene = [](const std::vector<const char*>& names) {
+        GltfBuilder b;
+        const int mesh = b.triangleMesh();
+        for (const char* name : names) b.node({{"mesh", mesh}, {"name", name}});
+        return b.glb();
+    };
+    const TempFolder folder;
+    const std::vector<std::string> paths = {
+        folder.write("east.glb", scene({"tree", "car", "twice", "twice"})),
+        folder.write("west.glb", scene({"tree", "boat", "twice"})),
+        folder.write("more/west.glb", scene({"tree", "east/tree"}))};
+    const auto namesOf = [&](size_t files) {
+        const Result<BakeSource> source = openGltf(std::span(paths).first(files), {});
+        EXPECT_TRUE(source) << source.error().what;
+        std::multiset<std::string> names;
+        for (const Listed& at : listAll(source.value()))
+            if (!at.name.empty()) names.insert(at.name);
+        return names;
+    };
+    using Names = std::multiset<std::string>;
+    EXPECT_EQ(namesOf(2), (Names{"east/tree", "west/tree", "car", "boat", "twice"}));
+    // Files of one name in two folders, and a name that looks like one that was made: nobody is found
+    // wrongly.
+    EXPECT_EQ(namesOf(3), (Names{"car", "boat", "twice"}));
+    const std::vector<std::string> same = {paths[0], paths[0]};
+    const Result<BakeSource> twice = openGltf(same, {});
+    ASSERT_FALSE(twice);
+    EXPECT_EQ(twice.error().code, ErrorCode::kUsage);
+}
+
+TEST(Gltf, TakesTheSunOfTheFirstTileThatHasOne) {
+    GltfBuilder dark, lit;
+    dark.node({{"mesh", dark.triangleMesh()}});
+    lit.node({{"mesh", lit.triangleMesh()}});
+    const TempFolder folder;
+    const std::vector<std::string> paths = {folder.write("dark.glb", dark.glb()),
+                                            folder.write("lit/lit.glb", lit.glb()),
+                                            folder.write("other/other.glb", lit.glb())};
+    folder.write("lit/scene.json", R"({"sun_direction": [0, -2, 0]})");
+    folder.write("other/scene.json", R"({"sun_direction": [1, 0, 0]})");
+    EXPECT_EQ(openGltf(paths, {}).value().header.sun, glm::dvec3(0, -1, 0));
+    EXPECT_EQ(openGltf(paths, {.sun = glm::dvec3(0, 0, 3)}).value().header.sun, glm::dvec3(0, 0, 1));
 }
 
 TEST(Gltf, ComposesTransformsInDoubles) {
