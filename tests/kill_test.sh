@@ -8,6 +8,7 @@ gnomon=$(realpath "$1")
 kills=${2:-200}
 seed=${3:-$(date +%s)}
 victims=(bake)
+source "$(dirname "$0")/small_dem.sh"
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
@@ -23,15 +24,7 @@ microseconds() { echo "${EPOCHREALTIME/[.,]/}"; }
 
 # Makes the input and what must come of it.
 bake_prepare() {
-    awk 'BEGIN {
-        srand(1)
-        n = 700
-        printf "ncols %d\nnrows %d\nxllcorner 0\nyllcorner 0\ncellsize 10\n", n, n
-        for (r = 0; r < n; ++r) {
-            for (c = 0; c < n; ++c) printf "%.2f ", 80 * sin(r / 40) * cos(c / 55) + 6 * rand()
-            print ""
-        }
-    }' > dem.asc
+    small_dem 700 > dem.asc
     "$gnomon" bake dem.asc -o old.world --bounds 0,0,1000,1000 >log 2>&1
     (bake_run) >log 2>&1
     old=$(content old.world) whole=$(content out.world)
@@ -58,7 +51,7 @@ for victim in "${victims[@]}"; do
     echo "$victim: $kills kills, seed $seed"
     start=$(microseconds)
     "${victim}_prepare"
-    longest=$((($(microseconds) - start) / 3))
+    longest=$((($(microseconds) - start) / 2))
     killed=0 finished=0 wenton=0
     while ((killed < kills)); do
         delay=$(((RANDOM * 32768 + RANDOM) % longest))

@@ -1,0 +1,59 @@
+#!/usr/bin/env bash
+# Bakes onto disks that are full, read-only or used by another bake: one line says what and what to do, the old world
+# stays, and what was baked is not lost.
+#   tests/disk_test.sh GNOMON
+# Status 77 where this user may not mount anything.
+set -euo pipefail
+if [[ -z ${GNOMON_MOUNTS:-} ]]; then
+    unshare --user --map-root-user --mount true 2>/dev/null || exit 77
+    GNOMON_MOUNTS=own exec unshare --user --map-root-user --mount "$0" "$@"
+fi
+gnomon=$(realpath "$1")
+source "$(dirname "$0")/small_dem.sh"
+work=$(mktemp -d)
+trap 'umount "$work/disk" 2>/dev/null || true; rm -rf "$work"' EXIT
+cd "$work"
+fail() {
+    echo "FAILED: $*; the last run said:" >&2
+    cat log >&2
+    exit 1
+}
+content() { "$gnomon" info "$1" --check | sed -n 's/^content *//p'; }
+bake() { "$gnomon" bake dem.asc -o "$1" >log 2>&1; }
+# Ends with status 3 and one line of error that holds all the words.
+refused() {
+    local status=0 word
+    bake "$1" || status=$?
+    [[ $status == 3 ]] || fail "status $status instead of 3"
+    [[ $(grep -c '^gnomon: ' log) == 1 ]] || fail "not one line of error"
+    for word in "${@:2}"; do grep '^gnomon: ' log | grep -qF "$word" || fail "no word of '$word'"; done
+}
+
+small_dem 700 > dem.asc
+"$gnomon" bake dem.asc -o old.world --bounds 0,0,1000,1000 >log 2>&1
+bake whole.world || fail "the bake on a good disk"
+whole=$(content whole.world) old=$(content old.world)
+mkdir disk
+mount -t tmpfs -o size=16m tmpfs disk
+cp old.world disk/out.world
+
+refused disk/out.world disk/out.world.baking "free some space there, or choose another disk" "goes on from where it was"
+[[ $(content disk/out.world) == "$old" ]] || fail "the old world is gone"
+mount -o remount,size=100m disk
+bake disk/out.world || fail "the bake after there was room"
+grep -q "goes on after" log || fail "what was baked is lost"
+[[ $(content disk/out.world) == "$whole" ]] || fail "other content than on a good disk"
+[[ $(echo disk/*) == disk/out.world ]] || fail "left behind: $(echo disk/*)"
+
+mount -o remount,ro disk
+refused disk/out.world disk/out.world.baking "Read-only file system" "must exist and be writable"
+refused disk/new.world disk/new.world.baking "Read-only file system"
+[[ $(content disk/out.world) == "$whole" ]] || fail "a world on a read-only disk does not open"
+
+mount -o remount,rw disk
+"$gnomon" bake dem.asc -o disk/out.world >first 2>&1 &
+until [[ -s disk/out.world.baking ]] || ! kill -0 $!; do sleep 0.01; done
+refused disk/out.world disk/out.world.baking "another bake is writing it" "wait for its end"
+wait $! || fail "the first of two bakes"
+[[ $(content disk/out.world) == "$whole" ]] || fail "two bakes at one file"
+echo "full, read-only and shared disks: nothing lost"
