@@ -150,6 +150,7 @@ Result<Done> bakeInstances(const BakeSource& source, const std::vector<MeshRecor
     std::vector<uint32_t>& ids = baked.record.meshes;
     std::sort(ids.begin(), ids.end());
     ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
+    ids.shrink_to_fit();  // records of all chunks are in memory
     baked.record.instances = static_cast<uint32_t>(casting.size());
     return Done{};
 }
