@@ -9,6 +9,7 @@
 #include <memory>
 #include <span>
 #include <tuple>
+#include <utility>
 
 #include "world/clusters.h"
 #include "world/codec.h"
@@ -231,8 +232,8 @@ struct Tables {
         chunks.push_back(std::move(record));
     }
 
-    /// The same from steps of an earlier bake: the meshes of the source first, then its chunks.
-    Result<Done> add(const std::vector<WorldWriter::Step>& steps, size_t meshCount) {
+    /// What the steps of an earlier bake left: the meshes of the source first, then its chunks.
+    Result<Done> restore(const std::vector<WorldWriter::Step>& steps, size_t meshCount) {
         for (const WorldWriter::Step& step : steps) {
             if (meshes.size() < meshCount) {
                 Result<std::vector<MeshRecord>> mesh = decodeMeshTable(step.record);
@@ -288,16 +289,17 @@ Result<BakeStats> bake(const BakeSource& source, const std::string& path, const 
 
     // A step for each mesh and then for each chunk.
     const size_t meshCount = source.meshes.size(), chunkCount = source.chunks.size();
-    const std::vector<WorldWriter::Step> before = writer.takeSteps();
     Tables tables;
-    const Result<Done> known = tables.add(before, meshCount);
-    if (!known || before.size() > meshCount + chunkCount)
+    std::vector<WorldWriter::Step> before = writer.takeSteps();
+    const size_t stepsDone = before.size();
+    const Result<Done> known = tables.restore(std::exchange(before, {}), meshCount);
+    if (!known || stepsDone > meshCount + chunkCount)
         return bad(source, path + ".baking was damaged and is removed: bake again");
     const size_t meshesDone = tables.meshes.size();
-    size_t chunksDone = before.size() - meshesDone;
+    size_t chunksDone = stepsDone - meshesDone;
     if (notice && writer.startedOver())
         notice(path + ".baking is of another source, other options or another program: begins anew");
-    if (notice && !before.empty())
+    if (notice && stepsDone > 0)
         notice(path + ".baking: goes on after " + std::to_string(chunksDone) + " of " +
                std::to_string(chunkCount) + " chunks");
     if (progress && chunksDone > 0) progress(chunksDone, chunkCount);

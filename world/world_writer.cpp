@@ -152,18 +152,22 @@ Result<Done> WorldWriter::Impl::begin() {
                          "; " + (work == 0 ? "" : createSteps(work)));
 }
 
-/// Takes the file as it was left; false if it is of another work or no database. An error is the disk's.
+/// Takes the file as it was left; false if it is of another work, no database or one without any step yet.
+/// An error is the disk's.
 Result<bool> WorldWriter::Impl::goOn() {
     const auto unfit = [this](const Error& error) -> Result<bool> {
-        if (error.code == ErrorCode::kBadData) return false;
-        keep = true;
-        return error;
+        startedOver = error.code == ErrorCode::kBadData;
+        keep = !startedOver;
+        return startedOver ? Result<bool>(false) : Result<bool>(error);
     };
     const Result<Done> opened = open();
     if (!opened) return unfit(opened.error());
     const Result<std::vector<std::string>> schema = database->schema();
     if (!schema) return unfit(schema.error());
-    if (schema.value() != std::vector<std::string>{kBlobTable, createSteps(work)}) return false;
+    if (schema.value() != std::vector<std::string>{kBlobTable, createSteps(work)}) {
+        startedOver = !schema.value().empty();
+        return false;
+    }
     Result<Statement> list =
         database->prepare(("SELECT record, names FROM " + stepTable(work) + " ORDER BY id").c_str());
     if (!list) return unfit(list.error());
@@ -219,7 +223,6 @@ Result<WorldWriter> WorldWriter::create(const std::string& path, uint64_t work) 
         const Result<bool> fits = impl->goOn();
         if (!fits) return fits.error();
         goesOn = fits.value();
-        impl->startedOver = !goesOn;
     }
     if (!goesOn) {
         const Result<Done> begun = impl->begin();
