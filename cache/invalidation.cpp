@@ -21,11 +21,12 @@ TexelRect footprint(const Lattice& lattice, const world::Box& light) {
     return light.empty() ? TexelRect{} : lattice.footprint(glm::dvec2(light.min), glm::dvec2(light.max));
 }
 
-void departed(const Lattice& lattice, const TexelRect& window, const Events& events, std::vector<Invalidation>& list) {
+void departed(const Lattice& lattice, int cascade, const TexelRect& window, const Events& events,
+              std::vector<Invalidation>& list) {
     for (Cause cause : {Cause::kDeparture, Cause::kDemotion, Cause::kLevel}) {
         RectSet rects;
         for (const Departure& d : events.departures)
-            if (d.cause == cause) rects.add(intersection(footprint(lattice, d.bounds), window));
+            if (d.cause == cause && (d.cascades >> cascade & 1)) rects.add(intersection(footprint(lattice, d.bounds), window));
         append(rects, cause, list);
     }
 }
@@ -35,7 +36,7 @@ void arrived(const Scene& scene, const Lattice& lattice, int cascade, const Texe
     for (Cause cause : {Cause::kLevel, Cause::kArrival, Cause::kPromotion}) {
         RectSet rects;
         for (const Arrival& a : events.arrivals) {
-            if (a.cause != cause) continue;
+            if (a.cause != cause || !(a.cascades >> cascade & 1)) continue;
             const culling::LightCaster& caster = scene.light[a.caster];
             if (!footprint(lattice, caster.bounds).overlaps(window)) continue;
             const culling::ClusterRects clusters = scene.light.rects(a.caster, cascade);

@@ -18,7 +18,8 @@ struct Invalidation {
 };
 
 /// Appends where static casters left, merged where that is cheaper; rectangles of one cause are disjoint.
-void departed(const Lattice& lattice, const TexelRect& window, const Events& events, std::vector<Invalidation>& list);
+void departed(const Lattice& lattice, int cascade, const TexelRect& window, const Events& events,
+              std::vector<Invalidation>& list);
 /// Appends where static casters joined and show in a cascade; likewise.
 void arrived(const Scene& scene, const Lattice& lattice, int cascade, const TexelRect& window, const Events& events,
              std::vector<Invalidation>& list);

@@ -35,6 +35,7 @@ enum class Sabotage : uint8_t {
     kUnknownAsEmpty,    ///< texels in which nothing was drawn yet say that nothing is there
     kMixedSuns,         ///< the maps of a new direction begin with what the old one left (done by the server)
     kSleptMotion,       ///< active casters that moved while a cascade slept leave their old texels behind
+    kSilentLack,        ///< maps that lack chunks say that they are whole (done by the server)
     kKeptDepths,        ///< the range of depths moves and the texels keep what they hold
 };
 
@@ -58,16 +59,20 @@ struct Scene {
     const culling::Occlusion* occlusion = nullptr; ///< null: draw everything
 };
 
+constexpr uint32_t kAllCascades = ~0u;
+
 /// Something left the static set; where it was must be redrawn.
 struct Departure {
     world::Box bounds;  ///< light space [m], as last drawn
     Cause cause = Cause::kDeparture;
+    uint32_t cascades = kAllCascades;  ///< bit c: in whose maps it shows
 };
 
-/// A caster joined the static set.
+/// A caster joined the static set, or is drawn in another way.
 struct Arrival {
     world::CasterId caster = 0;
     Cause cause = Cause::kArrival;
+    uint32_t cascades = kAllCascades;  ///< likewise
 };
 
 /// What happened since the last plan. Certificates that fell need no entry: their occluder's

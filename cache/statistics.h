@@ -59,6 +59,8 @@ struct CascadeStatistics {
     uint64_t unknownTexels = 0;   ///< of the window, after this frame
     uint64_t staleTexels = 0;     ///< of the cache map, likewise
     uint64_t oldestDebt = 0;      ///< frames that the longest owed of them has waited
+    uint64_t missingTexels = 0;   ///< of the window, that a chunk which is not there may shade
+    uint64_t coarseTexels = 0;    ///< likewise, by a chunk that is there with more error than the cascade allows
     double sunError = 0;  ///< how far the sun's lag moves the shadow of what stands kSunHeight above [texels]
 
     /// Adds what was drawn for this cascade into other maps than those shown, all of it for one cause.

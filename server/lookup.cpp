@@ -9,6 +9,7 @@ constexpr double kFarthestPoint = 1e9;
 }  // namespace
 
 world::Result<std::vector<PointAnswer>> lookup(gpu::ShadowMaps& maps, const Sun& sun,
+                                               std::span<const cache::RectSet> gaps,
                                                std::span<const glm::dvec3> points, const LookupBias& bias) {
     std::vector<PointAnswer> answers(points.size());
     for (int c = 0; c < sun.cache.cascades(); ++c) {
@@ -32,7 +33,7 @@ world::Result<std::vector<PointAnswer>> lookup(gpu::ShadowMaps& maps, const Sun&
                 auto read = maps.read(int(sun.cache.map(c)), gpu::MapKind::kWorking);
                 if (!read) return read.error();
                 depths = std::move(read.value());
-                states = texelStates(sun, c, gpu::MapKind::kWorking);
+                states = texelStates(sun, c, gpu::MapKind::kWorking, gaps[size_t(c)].rects());
             }
             const cache::Texel slot = lattice.slot(texel);
             const auto at = size_t(slot.y * lattice.side + slot.x);

@@ -23,7 +23,7 @@ struct PointAnswer {
     Light light = Light::kUnknown;
     int8_t cascade = -1;  ///< whose map answered; -1: none
     bool fell = false;    ///< a nearer cascade's window holds the point and does not know it
-    bool stale = false;   ///< the texel's depth may be older than the world
+    bool stale = false;   ///< the texel's depth may be older than the world, or lack a chunk that is not there yet
 };
 
 /// How far a point may lie behind the depth in its texel and still be lit: `texels` of the cascade's texel
@@ -34,8 +34,9 @@ struct LookupBias {
 };
 
 /// Answers for world points [m] from a sun's working maps as they are, the nearest cascade that holds and
-/// knows a point first. Reads whole maps back: for batches. kDevice from the GPU.
+/// knows a point first. `gaps`: per cascade, texels that chunks which are not there may shade. Reads whole maps back: for batches. kDevice from the GPU.
 world::Result<std::vector<PointAnswer>> lookup(gpu::ShadowMaps& maps, const Sun& sun,
+                                               std::span<const cache::RectSet> gaps,
                                                std::span<const glm::dvec3> points, const LookupBias& bias);
 
 }  // namespace server

@@ -3,18 +3,18 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <utility>
 
 #include "culling/caster_query.h"
+#include "server/stopwatch.h"
 
 namespace server {
 
 namespace {
 
-/// Chunks are wanted this share of the far distance beyond what the windows need, and kept twice as
-/// far; wants are looked at again when the eye has used up half of the room.
+/// Certificates are sought this share of a cascade's split around its window, and again when the eye has used
+/// up half of that.
 constexpr double kSlack = 0.25;
 
 /// The octree splits no further than cells of this edge [m]: smaller ones hold single props.
@@ -23,16 +23,6 @@ constexpr double kSmallestCell = 8;
 /// Casters reach no farther from the world's origin [m]: texels are counted in 64 bits, but a placement
 /// this far off is a mistake.
 constexpr double kFarthest = 1e8;
-
-class Stopwatch {
-public:
-    double ms() const {
-        return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start_).count();
-    }
-
-private:
-    std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
 
 bool finite(const world::Placement& p) {
     for (int c = 0; c < 3; ++c)
@@ -48,7 +38,8 @@ ResidentScene::ResidentScene(const world::WorldStore& store, gpu::ShadowMaps& ma
     : store_(store),
       maps_(maps),
       config_(config),
-      streamer_(store, config.residentBytes),
+      streamer_(store, config.streamer),
+      outlook_(config.streamer.clock == world::Clock::kLockStep, config.prefetch),
       statics_(store.header().bounds, kSmallestCell),
       sets_(config.restSeconds, config.promotionsPerFrame) {
     sides_.push_back(std::make_unique<SunSide>(space, cascades, config.detail));
@@ -71,7 +62,7 @@ void ResidentScene::openNext(const culling::LightSpace& space) {
     CHECK(sides_.size() == 1);
     sides_.push_back(std::make_unique<SunSide>(space, shown().light.cascades(), config_.detail));
     sides_.back()->light.reserve(table_.slots());  // what leaves before it is fitted leaves an empty box
-    streamedAt_.reset();  // the new light comes through other chunks
+    outlook_.forget();  // the new light comes through other chunks
 }
 
 bool ResidentScene::fitNext(double share) {
@@ -116,7 +107,7 @@ void ResidentScene::apply(Refit refit) {
     arrivals_ = std::move(refit.arrivals);
     config_ = refit.config;
     occlusionStarted_ = false;
-    streamedAt_.reset();
+    outlook_.forget();
 }
 
 void ResidentScene::showNext() {
@@ -184,15 +175,6 @@ world::Result<world::Done> ResidentScene::uploadLevels(const culling::LightCaste
     for (size_t c = 0; c < light.cascades().size(); ++c)
         if (auto id = uploadLevel(caster, static_cast<size_t>(light.level(caster, int(c)))); !id) return id.error();
     return world::Done{};
-}
-
-void ResidentScene::removeMesh(world::MeshSlot slot) {
-    for (uint32_t id : table_.mesh(slot).geometry)
-        if (id != world::kNoGeometry) {
-            maps_.release(id);
-            uploaded_[id] = nullptr;
-        }
-    table_.removeMesh(slot);
 }
 
 world::Result<world::CasterId> ResidentScene::addStatic(world::MeshSlot mesh, const world::Placement& placement,
@@ -386,80 +368,6 @@ void ResidentScene::promote(double time) {
     }
 }
 
-void ResidentScene::dropChunk(world::ChunkKey key, SceneChanges& changes) {
-    const auto at = chunks_.find(key);
-    CHECK(at != chunks_.end());
-    ResidentChunk& chunk = at->second;
-    changes.revocations += revoke(chunk.casters);
-    for (world::CasterId id : chunk.casters) {
-        depart(id, cache::Cause::kDeparture);
-        statics_.remove(id);
-        table_.remove(id);
-    }
-    if (chunk.terrain) removeMesh(*chunk.terrain);
-    chunks_.erase(at);
-    ++changes.chunkDepartures;
-}
-
-world::Result<world::Done> ResidentScene::addChunk(std::shared_ptr<const world::Chunk> chunk, SceneChanges& changes) {
-    ResidentChunk& resident = chunks_[chunk->key];
-    resident.chunk = chunk;
-    const auto keep = [&](world::Result<world::CasterId> id) -> world::Result<world::Done> {
-        if (!id) return id.error();
-        resident.casters.push_back(id.value());
-        return world::Done{};
-    };
-    if (!chunk->terrain.levels.empty()) {
-        resident.terrain = table_.addMesh(chunk->terrain);
-        world::Placement placement;
-        placement.translation = glm::dvec3(chunk->key.x, 0, chunk->key.z) * store_.header().chunkSize;
-        if (auto done = keep(addStatic(*resident.terrain, placement, {chunk->key, -1, -1})); !done)
-            return done.error();
-    }
-    for (uint32_t slot = 0; slot < chunk->instances.size(); ++slot) {
-        if (adopted_.contains({chunk->key, slot})) continue;
-        const world::Instance& instance = chunk->instances[slot];
-        auto done = keep(addStatic(meshSlots_.at(instance.mesh), instance.placement,
-                                   {chunk->key, static_cast<int32_t>(slot), -1}));
-        if (!done) return done.error();
-    }
-    ++changes.chunkArrivals;
-    return world::Done{};
-}
-
-world::Result<world::Done> ResidentScene::stream(glm::dvec3 eye, SceneChanges& changes) {
-    const double slack = kSlack * config_.farDistance;
-    if (streamedAt_ && glm::length(eye - *streamedAt_) <= slack / 2) return world::Done{};
-    // What may cast onto receivers near the eye: everything in their column of light, toward the sun
-    // without end, away from it as far as receivers can be.
-    const auto within = [&](const world::Box& bounds, double reach) {
-        return std::any_of(sides_.begin(), sides_.end(), [&](const auto& side) {
-            const culling::LightSpace& space = side->light.space();
-            const world::Box b = space.toLight(bounds);
-            const glm::dvec3 at = space.toLight(eye);
-            return b.min.x <= at.x + reach && b.max.x >= at.x - reach && b.min.y <= at.y + reach &&
-                   b.max.y >= at.y - reach && b.min.z <= at.z + reach;
-        });
-    };
-    const double windows = shown().light.cascades().back().texel * (config_.side / 2.0 + config_.guardBand);
-    auto events = streamer_.advance([&](const world::Box& b) { return within(b, windows + slack); },
-                                    [&](const world::Box& b) { return within(b, windows + 2 * slack); });
-    if (!events) return events.error();
-    streamedAt_ = eye;
-    world::StreamEvents& e = events.value();
-    changes.bytesRead += e.bytesRead;
-    changes.errors.insert(changes.errors.end(), e.errors.begin(), e.errors.end());
-    for (world::ChunkKey key : e.departures) dropChunk(key, changes);
-    for (uint32_t id : e.meshDepartures) {
-        removeMesh(meshSlots_.at(id));
-        meshSlots_.erase(id);
-    }
-    for (uint32_t id : e.meshArrivals) meshSlots_.emplace(id, table_.addMesh(streamer_.mesh(id)));
-    for (auto& chunk : e.arrivals)
-        if (auto done = addChunk(chunk, changes); !done) return done.error();
-    return world::Done{};
-}
-
 void ResidentScene::startOcclusion() {
     occlusionStarted_ = true;
     SunSide& side = *sides_.front();
@@ -518,7 +426,7 @@ void ResidentScene::occlude(SunSide& side, glm::dvec3 eye, SceneChanges& changes
     }
 }
 
-world::Result<SceneChanges> ResidentScene::advance(double time, glm::dvec3 eye,
+world::Result<SceneChanges> ResidentScene::advance(double time, glm::dvec3 eye, std::span<const AheadEye> ahead,
                                                    std::span<const ObjectUpdate> updates) {
     SceneChanges changes;
     for (world::CasterId id : spawned_) sets_.moved(id, time);
@@ -530,7 +438,7 @@ world::Result<SceneChanges> ResidentScene::advance(double time, glm::dvec3 eye,
     changes.setsMs = sets.ms();
 
     const Stopwatch streaming;
-    if (auto done = stream(eye, changes); !done) {
+    if (auto done = stream(time, eye, ahead, changes); !done) {
         for (auto& side : sides_) side->certifiedAt.clear();  // arrivals go unseen: look at all again
         return done.error();
     }

@@ -15,6 +15,7 @@
 #include "culling/occlusion.h"
 #include "culling/receivers.h"
 #include "gpu/shadow_maps.h"
+#include "server/outlook.h"
 #include "world/casters.h"
 #include "world/octree.h"
 #include "world/store.h"
@@ -44,7 +45,8 @@ struct SceneConfig {
     uint32_t raysPerCluster = 4096;
     double restSeconds = 10;
     uint32_t promotionsPerFrame = 16;
-    uint64_t residentBytes = 4ull << 30;
+    world::StreamerConfig streamer;
+    bool prefetch = true;
     int side = 1024;
     int guardBand = 1;  ///< [texels]
     culling::Detail detail;
@@ -55,7 +57,8 @@ struct SceneConfig {
 struct SceneChanges {
     uint64_t revocations = 0;  ///< certificates that fell
     uint32_t chunkArrivals = 0, chunkDepartures = 0;
-    uint64_t bytesRead = 0;
+    uint32_t refinements = 0;  ///< chunks that were there and came in other levels of detail
+    uint64_t bytesRead = 0, bytesAgain = 0;
     culling::CertifyCosts certify;
     double streamMs = 0, setsMs = 0, occlusionMs = 0;
     std::vector<world::Error> errors;
@@ -113,10 +116,11 @@ public:
     void dropNext();
     size_t sides() const { return sides_.size(); }
 
-    /// Moves objects, settles the static and active sets, streams for an eye at `eye` (world, [m]), and
-    /// certifies what comes near. Bad items are reported and skipped; an Error (kLimit, kDevice)
+    /// Moves objects, settles the static and active sets, streams for an eye at `eye` (world, [m]) that will be
+    /// where `ahead` says, if it says anything, and certifies what comes near. Bad items are reported and skipped; an Error (kLimit, kDevice)
     /// means that the scene could not be completed.
-    world::Result<SceneChanges> advance(double time, glm::dvec3 eye, std::span<const ObjectUpdate> updates);
+    world::Result<SceneChanges> advance(double time, glm::dvec3 eye, std::span<const AheadEye> ahead,
+                                        std::span<const ObjectUpdate> updates);
 
     /// For the cache. `hide`: with certificates.
     cache::Scene view(size_t side, bool hide) const;
@@ -135,6 +139,9 @@ public:
         return culling::unseenCascades(view, shown().light.cascades(), statics_, table_, sets_.active(), servesNearer);
     }
     const world::CasterTable& casters() const { return table_; }
+    /// Chunks that maps need now and lack, or have too coarsely.
+    std::span<const world::Lack> lacking() const { return streamer_.lacking(); }
+    const world::Streamer& streamer() const { return streamer_; }
     const culling::LightCasters& light(size_t side) const { return sides_[side]->light; }
     /// A mesh level that casters in memory use; CHECKs that they do.
     const world::MeshLevel& geometry(cache::GeometryId id) const {
@@ -168,9 +175,12 @@ private:
     void leaveStatics(world::CasterId caster, cache::Cause cause);
     size_t revoke(std::span<const world::CasterId> casters);
     void promote(double time);
-    world::Result<world::Done> stream(glm::dvec3 eye, SceneChanges& changes);
-    void dropChunk(world::ChunkKey key, SceneChanges& changes);
-    world::Result<world::Done> addChunk(std::shared_ptr<const world::Chunk> chunk, SceneChanges& changes);
+    world::Result<world::Done> stream(double time, glm::dvec3 eye, std::span<const AheadEye> ahead,
+                                      SceneChanges& changes);
+    void dropChunk(world::ChunkKey key);
+    world::Result<world::Done> addChunk(std::shared_ptr<const world::Chunk> chunk);
+    world::Result<world::Done> refineChunk(std::shared_ptr<const world::Chunk> chunk);
+    void moveLevels(world::MeshSlot from, world::MeshSlot to);
     world::Result<world::CasterId> addStatic(world::MeshSlot mesh, const world::Placement& placement,
                                              world::CasterOrigin origin);
     /// Fits the casters of so many more slots of the table, from those that have been.
@@ -187,6 +197,7 @@ private:
     gpu::ShadowMaps& maps_;
     SceneConfig config_;
     world::Streamer streamer_;
+    Outlook outlook_;
     world::CasterTable table_;
     std::vector<std::unique_ptr<SunSide>> sides_;  ///< one or two
     world::Octree statics_;
@@ -203,7 +214,6 @@ private:
     std::vector<world::Box> worldDirt_;              ///< likewise
     uint64_t revocations_ = 0;              ///< likewise
     std::vector<world::CasterId> spawned_;  ///< active, rest from the next frame on
-    std::optional<glm::dvec3> streamedAt_;  ///< eye at the last evaluation of wants
 };
 
 }  // namespace server

@@ -6,6 +6,7 @@
 #include <deque>
 #include <glm/gtc/constants.hpp>
 
+#include "cache/invalidation.h"
 #include "culling/cascades.h"
 #include "culling/light_space.h"
 #include "server/resident_scene.h"
@@ -71,8 +72,11 @@ gpu::GpuTimes byCascade(const gpu::GpuTimes& maps, std::span<const uint8_t> casc
 }
 
 SceneConfig sceneConfig(const ShadowConfig& c) {
-    return {c.farDistance, c.occlusion, c.raysPerCluster, c.restSeconds, c.promotionsPerFrame, c.residentBytes,
-            c.side, c.guardBand, {c.levelError, c.smallestCaster}, c.sabotage == cache::Sabotage::kStickyCertificate};
+    const world::StreamerConfig streamer{c.residentBytes, c.geometryBytes, c.streaming.bytesPerFrame, c.streaming.clock,
+                                         c.streaming.disk};
+    return {c.farDistance, c.occlusion, c.raysPerCluster, c.restSeconds, c.promotionsPerFrame, streamer,
+            c.streaming.prefetch, c.side, c.guardBand, {c.levelError, c.smallestCaster},
+            c.sabotage == cache::Sabotage::kStickyCertificate};
 }
 
 /// The cascades of a configuration, if all that it says of maps can be.
@@ -119,6 +123,7 @@ struct ShadowSystem::Impl {
     void planNext(const cache::Demand& demand, double share, std::vector<cache::CascadeStatistics>& statistics);
     cache::Limits limits() const;
     Result<world::Done> learnRate(const FrameReport& report);
+    void findGaps(double time, FrameReport& report);
     /// After a frame that was not drawn: what the maps hold is anybody's guess.
     Error lost(const Error& error) {
         for (auto& sun : suns) sun->cache.forget();
@@ -138,6 +143,8 @@ struct ShadowSystem::Impl {
     SunMotion motion;
     glm::dvec3 sunNow;
     cache::FramePlan plan, redraw;
+    std::vector<cache::RectSet> gaps;  ///< per cascade: texels of the shown window that a lacking chunk may shade
+    cache::RectSet gap;                ///< scratch
     uint64_t frame = 0;
     uint64_t uploadedBefore = 0;
     bool planned = false;
@@ -165,6 +172,7 @@ Result<std::unique_ptr<ShadowSystem>> ShadowSystem::create(gpu::Device& device, 
     if (!(filled.restSeconds >= 0))
         return Error{ErrorCode::kUsage, "rest time: " + std::to_string(filled.restSeconds) + " s; give 0 or more"};
     if (auto budget = requireBudget(filled.budget); !budget) return budget.error();
+    if (auto disk = world::requireDisk(filled.streaming.disk); !disk) return disk.error();
     if (store.chunks().empty() || store.header().bounds.empty())
         return Error{ErrorCode::kBadData, store.path() + ": nothing in it casts a shadow; bake a source that has casters"};
 
@@ -282,12 +290,16 @@ Result<FrameReport> ShadowSystem::advance(const FrameInput& input) {
     SunMotion::Decision decision;
     s.moveSun(input, report, decision);
 
-    auto changed = s.scene.advance(input.time, p, input.objects);
+    auto changed = s.scene.advance(input.time, p, input.ahead, input.objects);
     if (!changed) return s.lost(changed.error());
     SceneChanges& changes = changed.value();
     report.chunkArrivals = changes.chunkArrivals;
     report.chunkDepartures = changes.chunkDepartures;
+    report.refinements = changes.refinements;
     report.bytesRead = changes.bytesRead;
+    report.bytesAgain = changes.bytesAgain;
+    report.residentBytes = s.scene.streamer().residentBytes();
+    report.geometryBytes = s.scene.streamer().geometryBytes();
     report.rays = changes.certify.rays;
     report.certificates = changes.certify.certificates;
     report.revocations = changes.revocations;
@@ -319,6 +331,7 @@ Result<FrameReport> ShadowSystem::advance(const FrameInput& input) {
     for (auto& sun : s.suns) sun->begin = cache::Cause::kStart;
     if (const auto planned = s.spots.plan(s.scene, report.spots); !planned) return s.lost(planned.error());
     s.scene.settle();
+    s.findGaps(input.time, report);
     report.sun = s.motion.report();
     for (size_t c = 0; c < s.cascades.size(); ++c)
         report.cascades[c].sunError = std::tan(report.sun.lag) * cache::kSunHeight / s.cascades[c].texel;
@@ -354,6 +367,33 @@ Result<world::Done> ShadowSystem::Impl::learnRate(const FrameReport& report) {
     for (const gpu::CascadeTimes& t : times.value().cascades) ms += t.staticMs + t.activeMs;
     msPerTriangle += kRateGain * (ms / double(drawn) - msPerTriangle);
     return world::Done{};
+}
+
+/// Where chunks that are not there, or too coarse, may shade the windows.
+void ShadowSystem::Impl::findGaps(double time, FrameReport& report) {
+    gaps.resize(cascades.size());
+    for (cache::RectSet& rects : gaps) rects.clear();
+    for (const world::Lack& lack : scene.lacking()) {
+        ++(lack.absent ? report.missingChunks : report.coarseChunks);
+        report.longestLack = std::max(report.longestLack, time - lack.since);
+    }
+    if (scene.lacking().empty() || config.sabotage == cache::Sabotage::kSilentLack) return;
+    const Sun& sun = shown();
+    for (size_t c = 0; c < cascades.size(); ++c) {
+        if (!sun.cache.drawn(int(c))) continue;
+        for (const bool absent : {true, false}) {
+            gap.clear();
+            for (const world::Lack& lack : scene.lacking()) {
+                if (lack.absent != absent) continue;
+                if (!absent && lack.error <= config.levelError * cascades[c].texel) continue;
+                const world::Box light = sun.space.toLight(store.chunks()[lack.record].bounds);
+                gap.add(cache::intersection(cache::footprint(sun.cache.lattice(int(c)), light), sun.cache.window(int(c))));
+            }
+            cache::CascadeStatistics& statistics = report.cascades[c];
+            (absent ? statistics.missingTexels : statistics.coarseTexels) = static_cast<uint64_t>(gap.area());
+            for (const cache::TexelRect& rect : gap.rects()) gaps[c].add(rect);
+        }
+    }
 }
 
 Result<world::Done> ShadowSystem::finish(FrameReport& report) {
@@ -467,8 +507,14 @@ Result<std::vector<float>> ShadowSystem::readMap(int cascade, gpu::MapKind kind,
     return impl_->maps->read(int(impl_->suns[size_t(which)]->cache.map(cascade)), kind);
 }
 
+std::vector<TexelState> ShadowSystem::texelStates(int cascade, gpu::MapKind kind) const {
+    const auto c = size_t(cascade);
+    return server::texelStates(impl_->shown(), cascade, kind,
+                               c < impl_->gaps.size() ? impl_->gaps[c].rects() : std::span<const cache::TexelRect>());
+}
+
 Result<std::vector<PointAnswer>> ShadowSystem::lookup(std::span<const glm::dvec3> points, const LookupBias& bias) {
-    return server::lookup(*impl_->maps, impl_->shown(), points, bias);
+    return server::lookup(*impl_->maps, impl_->shown(), impl_->gaps, points, bias);
 }
 
 Result<SpotView> ShadowSystem::viewSpot(SpotId id) const { return impl_->spots.view(id); }

@@ -49,6 +49,14 @@ struct MapSettings {
     gpu::DepthFormat format = gpu::DepthFormat::kD32;
 };
 
+/// How chunks come.
+struct StreamingConfig {
+    world::Clock clock = world::Clock::kLockStep;
+    world::DiskModel disk{};   ///< of the virtual clock
+    bool prefetch = true;      ///< where reads take time: what the eye's way leads to is read ahead
+    uint64_t bytesPerFrame = 1ull << 20;  ///< decoded, of the chunks taken up in one; one may exceed it. Not in lock-step
+};
+
 struct ShadowConfig : MapSettings {
     glm::dvec3 sun{0};         ///< direction of light travel; zero: the world's own
     bool movingSun = false;    ///< frames may turn it: doubles the memory of the maps
@@ -59,6 +67,7 @@ struct ShadowConfig : MapSettings {
     double restSeconds = 10;   ///< an active object is static after resting this long
     uint32_t promotionsPerFrame = 16;
     uint64_t residentBytes = 4ull << 30;  ///< decoded chunks and meshes
+    StreamingConfig streaming{};
     uint64_t geometryBytes = 512ull << 20;  ///< GPU arena
     Budget budget;
     bool timestamps = true;  ///< of GPU passes; each costs a software driver 0.1 ms, without them cascades' times are 0
@@ -81,6 +90,7 @@ struct FrameInput {
     /// Direction of light travel; zero: as before. Needs ShadowConfig::movingSun. A sun that light spaces
     /// refuse is an error of the report, and the last one stays.
     glm::dvec3 sun{0};
+    std::span<const AheadEye> ahead{};      ///< where the camera will be, if that is known; else its speed tells
 };
 
 /// CPU time of a frame by stage [ms]. Not deterministic.
@@ -98,7 +108,14 @@ struct FrameReport {
     std::vector<cache::CascadeStatistics> cascades;
     std::vector<SpotReport> spots;  ///< by id
     uint32_t chunkArrivals = 0, chunkDepartures = 0;
+    uint32_t refinements = 0;    ///< chunks that were there and came in other levels of detail
+    uint32_t missingChunks = 0;  ///< that maps need now and that are not there
+    uint32_t coarseChunks = 0;   ///< that are there, more coarsely than a map needs now
+    double longestLack = 0;      ///< of all these, how long the first has been needed [s]
     uint64_t bytesRead = 0;      ///< decoded
+    uint64_t bytesAgain = 0;     ///< of these, had been read before
+    uint64_t residentBytes = 0;  ///< decoded chunks and meshes, with what is being read
+    uint64_t geometryBytes = 0;  ///< of what is resident, on the GPU
     uint64_t bytesUploaded = 0;  ///< to the GPU: geometry, transforms, commands
     uint64_t rays = 0;           ///< for certificates
     uint64_t certificates = 0;   ///< clusters newly proven hidden, over all cascades
@@ -193,6 +210,8 @@ public:
     world::Result<std::vector<float>> readSpotMap(SpotId id, gpu::MapKind kind);
     /// A map's depths, row by row in stored order.
     world::Result<std::vector<float>> readMap(int cascade, gpu::MapKind kind, SunMaps which = SunMaps::kShown);
+    /// What each texel of that is worth, in the same order: of the shown sun's.
+    std::vector<TexelState> texelStates(int cascade, gpu::MapKind kind) const;
     /// Hash of a map's bits.
     world::Result<uint64_t> mapHash(int cascade, gpu::MapKind kind);
     /// The last frame's plan for the cascades, until the next `advance`.

@@ -10,7 +10,8 @@ CascadeView viewOf(const Sun& sun, int cascade) {
             depth.near - cache::kNearestDepth * range, range, sun.cache.drawn(cascade), sun.space.lightFromWorld};
 }
 
-std::vector<TexelState> texelStates(const Sun& sun, int cascade, gpu::MapKind map) {
+std::vector<TexelState> texelStates(const Sun& sun, int cascade, gpu::MapKind map,
+                                    std::span<const cache::TexelRect> gaps) {
     const cache::Lattice& lattice = sun.cache.lattice(cascade);
     std::vector<TexelState> states(size_t(lattice.side * lattice.side), TexelState::kValid);
     const auto paint = [&](const cache::TexelRect& rect, TexelState state) {
@@ -20,6 +21,7 @@ std::vector<TexelState> texelStates(const Sun& sun, int cascade, gpu::MapKind ma
                 states[size_t(slot.y * lattice.side + slot.x)] = state;
             }
     };
+    for (const cache::TexelRect& rect : gaps) paint(rect, TexelState::kStale);
     if (map == gpu::MapKind::kWorking)
         for (const cache::TexelRect& rect : sun.cache.slept(cascade)) paint(rect, TexelState::kStale);
     for (const cache::OwedRegion& region : sun.cache.owed(cascade))

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <glm/glm.hpp>
+#include <span>
 #include <vector>
 
 #include "cache/shadow_cache.h"
@@ -34,11 +35,13 @@ CascadeView viewOf(const Sun& sun, int cascade);
 /// What a texel of a stored map is worth.
 enum class TexelState : uint8_t {
     kValid,
-    kStale,    ///< it may be older than the world
+    kStale,    ///< it may be older than the world, or lack a chunk that is not there
     kUnknown,  ///< nothing was drawn there yet
 };
 
 /// Per texel of a cascade's cache or working map, in stored order.
-std::vector<TexelState> texelStates(const Sun& sun, int cascade, gpu::MapKind map);
+///   gaps  rectangles of its window that are stale whatever the cache says
+std::vector<TexelState> texelStates(const Sun& sun, int cascade, gpu::MapKind map,
+                                    std::span<const cache::TexelRect> gaps = {});
 
 }  // namespace server

@@ -53,12 +53,14 @@ struct Rect {
     std::vector<cache::Piece> pieces;
 };
 
+constexpr uint64_t kAnyBytes = std::numeric_limits<uint64_t>::max() / 4;
+
 /// The casters around some places, with all that a plan looks at.
 class Casters {
 public:
     Casters(const world::WorldStore& store, const culling::LightSpace& space,
             const std::vector<culling::Cascade>& cascades)
-        : streamer(store, std::numeric_limits<uint64_t>::max() / 2),
+        : streamer(store, {.memoryBytes = kAnyBytes, .geometryBytes = kAnyBytes}),
           light(space, cascades),
           statics(store.header().bounds, kSmallestCell) {}
 
@@ -291,16 +293,16 @@ Result<CullingBench> benchCulling(const world::WorldStore& store, std::span<cons
     for (const Motion& motion : motions)
         for (const world::Pose& pose : motion.poses) around.add(space.value().toLight(pose.position));
     const double reach = cascades.value().back().texel * (defaults.side / 2.0 + defaults.guardBand) + kRoom;
-    const auto wanted = [&](const world::Box& bounds) {
+    const auto wanted = [&](const world::Box& bounds) -> std::optional<world::Want> {
         const world::Box b = space.value().toLight(bounds);
-        return b.min.x <= around.max.x + reach && b.max.x >= around.min.x - reach && b.min.y <= around.max.y + reach &&
+        const bool near = b.min.x <= around.max.x + reach && b.max.x >= around.min.x - reach && b.min.y <= around.max.y + reach &&
                b.max.y >= around.min.y - reach && b.min.z <= around.max.z + reach;
+        return near ? std::optional(world::Want{}) : std::nullopt;
     };
     Casters casters(store, space.value(), cascades.value());
     const std::optional<uint32_t> mesh = moverMesh(store);
-    const auto events = casters.streamer.advance(wanted, wanted);
-    if (!events) return events.error();
-    casters.fill(events.value(), store.header().chunkSize);
+    casters.streamer.want(wanted, 0);
+    casters.fill(casters.streamer.advance(0), store.header().chunkSize);
     if (mesh)
         if (auto pinned = casters.streamer.pin(*mesh); !pinned) return pinned.error();
 
@@ -309,7 +311,7 @@ Result<CullingBench> benchCulling(const world::WorldStore& store, std::span<cons
     bench.casters = casters.table.size();
     for (world::CasterId id = 0; id < casters.table.slots(); ++id)
         bench.clusters += casters.light.rects(id, 0).size();
-    bench.wantedUs = 1e3 * least(rounds, [&] { (void)casters.streamer.advance(wanted, wanted).value(); });
+    bench.wantedUs = 1e3 * least(rounds, [&] { casters.streamer.want(wanted, 0); });
     const world::Box extent = space.value().toLight(store.header().bounds);
     cache::CacheConfig config;
     config.guardBand = defaults.guardBand;

@@ -94,6 +94,8 @@ void addDebts(Columns& columns) {
     columns.cascade("unknown_texels", [](const CascadeStatistics& s) { return s.unknownTexels; });
     columns.cascade("stale_texels", [](const CascadeStatistics& s) { return s.staleTexels; });
     columns.cascade("oldest_debt", [](const CascadeStatistics& s) { return s.oldestDebt; });
+    columns.cascade("missing_texels", [](const CascadeStatistics& s) { return s.missingTexels; });
+    columns.cascade("coarse_texels", [](const CascadeStatistics& s) { return s.coarseTexels; });
     const auto limit = [](uint64_t value, std::string& out) {
         if (value != cache::Limits::kNone) append(out, value);
     };
@@ -112,7 +114,14 @@ void addDebts(Columns& columns) {
 void addFrame(Columns& columns) {
     columns.frame("frame_chunk_arrivals", [](const ReplayFrame& f) { return f.report.chunkArrivals; });
     columns.frame("frame_chunk_departures", [](const ReplayFrame& f) { return f.report.chunkDepartures; });
+    columns.frame("frame_chunk_refinements", [](const ReplayFrame& f) { return f.report.refinements; });
+    columns.frame("frame_chunks_missing", [](const ReplayFrame& f) { return f.report.missingChunks; });
+    columns.frame("frame_chunks_coarse", [](const ReplayFrame& f) { return f.report.coarseChunks; });
+    columns.frame("frame_longest_lack", [](const ReplayFrame& f) { return f.report.longestLack; });
     columns.frame("frame_bytes_read", [](const ReplayFrame& f) { return f.report.bytesRead; });
+    columns.frame("frame_bytes_again", [](const ReplayFrame& f) { return f.report.bytesAgain; });
+    columns.frame("frame_resident_bytes", [](const ReplayFrame& f) { return f.report.residentBytes; });
+    columns.frame("frame_geometry_bytes", [](const ReplayFrame& f) { return f.report.geometryBytes; });
     columns.frame("frame_bytes_uploaded", [](const ReplayFrame& f) { return f.report.bytesUploaded; });
     columns.frame("frame_rays", [](const ReplayFrame& f) { return f.report.rays; });
     columns.frame("frame_certificates", [](const ReplayFrame& f) { return f.report.certificates; });

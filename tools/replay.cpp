@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <glm/gtc/constants.hpp>
+#include <thread>
 #include <utility>
 
 #include "culling/light_space.h"
@@ -57,6 +58,16 @@ world::Result<ReplayFrame> step(server::ShadowSystem& system, const ReplayInput&
         frameInput.sun = sunOfDay(std::min(share, 1.0));
     }
     if (movers) frameInput.objects = movers->at(pose.time);
+    std::vector<server::AheadEye> ahead;
+    if (input.foresight) {
+        for (size_t k = index + 1; k < input.poses.size(); ++k) {
+            const double seconds = input.poses[k].time - pose.time;
+            if (seconds > kForesight) break;
+            if (ahead.empty() || seconds >= ahead.back().seconds + kForesight / 16)
+                ahead.push_back({seconds, input.poses[k].position});
+        }
+        frameInput.ahead = ahead;
+    }
     const auto start = std::chrono::steady_clock::now();
     auto report = system.advance(frameInput);
     if (report)
@@ -140,7 +151,12 @@ world::Result<world::Done> replay(
     server::ShadowSystem& system, const ReplayInput& input, MoverFeed* movers, Dump* dump,
     const std::function<world::Result<world::Done>(const ReplayFrame&)>& onFrame) {
     CHECK(!input.poses.empty() && input.verifyEvery > 0);
+    const auto start = std::chrono::steady_clock::now();
     for (size_t i = 0; i < input.poses.size(); ++i) {
+        if (input.live)
+            std::this_thread::sleep_until(
+                start + std::chrono::duration_cast<std::chrono::steady_clock::duration>(
+                            std::chrono::duration<double>(input.poses[i].time - input.poses[0].time)));
         const auto frame = step(system, input, i, movers, dump);
         if (!frame) return atFrame(input.firstNumber + i, frame.error());
         if (const auto done = onFrame(frame.value()); !done) return done.error();

@@ -37,12 +37,17 @@ struct ReplayInput {
     /// are dumped always are.
     uint64_t verifyEvery = 1;
     double verticalFov = 0;  ///< of the recorded camera [rad]; 0: not known
+    bool foresight = false;  ///< the system is told where the path leads, kForesight seconds ahead
+    bool live = false;       ///< frames wait for the path's own time
     double daySeconds = 0;   ///< above 0: from the first frame on the sun runs through a day in so long
 };
 
 /// The sun of a made-up day, direction of light travel: at 0 in the east and 5 degrees high, at 0.5 in the
 /// south and 60 degrees high, at 1 in the west.
 glm::dvec3 sunOfDay(double share);
+
+/// How far ahead a path is told [s].
+constexpr double kForesight = 4;
 
 /// Of the recorded camera, where its field of view is given.
 constexpr double kAspect = 16.0 / 9;

@@ -37,7 +37,7 @@ struct ReplayOptions {
     std::string world, path, movers;
     std::string sun, frames, verify;  ///< as typed; empty: not given
     std::vector<std::string> spots;   ///< as typed
-    std::string method = "gnomon", occlusion = "exact";
+    std::string method = "gnomon", occlusion = "exact", clock = "lockstep";
     double fps = 0;   ///< 0: the path's own times
     double day = 0;   ///< [s]; 0: the sun stands still
     double fov = 0;   ///< vertical [degrees]; 0: not known
@@ -47,6 +47,7 @@ struct ReplayOptions {
     int threads = 0;  ///< 0: all
     server::ShadowConfig shadow;
     uint64_t gpuBudget = 512, memoryBudget = 4096;  ///< [MiB]
+    double diskLatencyMs = 4, diskBandwidthMB = 200;
     gpu::DeviceConfig device;
     std::string dump, out;  ///< empty: no pictures; NAME.replay
 };
@@ -72,6 +73,11 @@ Result<server::ShadowConfig> shadowConfig(const ReplayOptions& options) {
     config.sunMotion.step = glm::radians(options.sunStep);
     if (options.budgetTexels > 0) config.budget.texels = options.budgetTexels;
     if (options.budgetTriangles > 0) config.budget.triangles = options.budgetTriangles;
+    config.streaming.clock = options.clock == "live"      ? world::Clock::kLive
+                             : options.clock == "virtual" ? world::Clock::kVirtual
+                                                          : world::Clock::kLockStep;
+    config.streaming.disk.latency = options.diskLatencyMs / 1e3;
+    config.streaming.disk.bandwidth = options.diskBandwidthMB * 1e6;
     config.geometryBytes = options.gpuBudget << 20;
     config.residentBytes = options.memoryBudget << 20;
     return config;
@@ -114,6 +120,7 @@ Result<Done> openInput(const ReplayOptions& options, double farDistance, Run& ru
     run.input.firstNumber = range ? range->begin : 0;
     run.input.verifyEvery = samplingStep(run.input.poses.size());
     run.input.daySeconds = options.day;
+    run.input.live = options.clock == "live";
     run.input.verticalFov = glm::radians(options.fov);
     if (!options.verify.empty()) {
         const auto every = parseCount("--verify", options.verify);
@@ -292,6 +299,13 @@ void addSystemOptions(CLI::App& parser, ReplayOptions& options) {
     parser.add_option("--occlusion", options.occlusion, "off, or exact: skip casters proven hidden")
         ->check(CLI::IsMember({"off", "exact"}));
     parser.add_option("--rays", options.shadow.raysPerCluster, "most rays to prove one cluster hidden");
+    parser.add_option("--clock", options.clock,
+                      "lockstep: frames wait for chunks; virtual: a modelled disk is late, the same way every time; "
+                      "live: frames keep the path's time, chunks come when they are read")
+        ->check(CLI::IsMember({"lockstep", "virtual", "live"}));
+    parser.add_option("--disk-seed", options.shadow.streaming.disk.seed, "of the virtual disk");
+    parser.add_option("--disk-latency", options.diskLatencyMs, "of the virtual disk, median [ms]");
+    parser.add_option("--disk-bandwidth", options.diskBandwidthMB, "of the virtual disk [decoded MB/s]");
     parser.add_option("--gpu-budget", options.gpuBudget, "geometry on the GPU [MiB]")
         ->check(CLI::Range(uint64_t(1), uint64_t(1) << 30));
     parser.add_option("--memory-budget", options.memoryBudget, "decoded chunks and meshes [MiB]")

@@ -8,6 +8,7 @@
 #include <random>
 
 #include "culling/light_space.h"
+#include "tools/summary.h"
 #include "world/hash.h"
 
 namespace tools {
@@ -240,6 +241,7 @@ world::Result<SoakReport> soak(server::ShadowSystem& system, const world::WorldS
     Life life(system, store, config);
     SoakReport report;
     glm::dvec3 shown{0};
+    std::vector<double> memory[2];  // of each half
     const auto atFrame = [&](const world::Error& error) {
         return world::Error{error.code, "frame " + std::to_string(report.frames) + ": " + error.what, error.native};
     };
@@ -257,8 +259,9 @@ world::Result<SoakReport> soak(server::ShadowSystem& system, const world::WorldS
             report.texels += verified.value().texels;
             report.stale += verified.value().stale;
             report.differing += verified.value().differing;
-            uint64_t& most = report.frames <= config.frames / 2 ? report.firstHalfBytes : report.lastHalfBytes;
-            most = std::max(most, residentBytes());
+            const uint64_t bytes = residentBytes();
+            memory[report.frames <= config.frames / 2 ? 0 : 1].push_back(double(bytes));
+            report.mostBytes = std::max(report.mostBytes, bytes);
             if (report.differing > 0) {
                 report.first = std::move(verified.value().first);
                 return report;
@@ -266,6 +269,8 @@ world::Result<SoakReport> soak(server::ShadowSystem& system, const world::WorldS
         }
         onFrame(report.frames);
     }
+    report.firstHalfBytes = uint64_t(median(memory[0]));
+    report.lastHalfBytes = uint64_t(median(memory[1]));
     return report;
 }
 

@@ -28,7 +28,9 @@ struct SoakReport {
     uint64_t limitedFrames = 0, sleepers = 0;  ///< frames with a budget; cascades asleep, over all frames
     uint64_t unknownTexels = 0;   ///< summed over all frames
     uint64_t planHash = 0;        ///< chained over the frames
-    uint64_t firstHalfBytes = 0, lastHalfBytes = 0;  ///< most resident memory seen in each half of the run
+    /// Resident memory on the frames that were compared: the median of each half, and the most of all. A life changes the
+    /// size of its maps, so its most says little of whether it grows.
+    uint64_t firstHalfBytes = 0, lastHalfBytes = 0, mostBytes = 0;
     std::vector<server::Difference> first;           ///< of the first comparison that differed
 };
 

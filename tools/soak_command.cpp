@@ -30,9 +30,10 @@ void print(const SoakReport& r) {
                 n(r.limitedFrames), n(r.unknownTexels), n(r.sleepers));
     std::printf("verified   %llu frames, %llu texels compared, %llu left out as stale, %llu differ\n", n(r.verified),
                 n(r.texels), n(r.stale), n(r.differing));
-    std::printf("memory     at most %.1f MiB in the first half, %.1f MiB in the last (%+.2f %%)\n",
+    std::printf("memory     %.1f MiB in the first half, %.1f MiB in the last (medians, %+.2f %%); at most %.1f MiB\n",
                 double(r.firstHalfBytes) / 1048576, double(r.lastHalfBytes) / 1048576,
-                r.firstHalfBytes > 0 ? 100 * (double(r.lastHalfBytes) / double(r.firstHalfBytes) - 1) : 0.0);
+                r.firstHalfBytes > 0 ? 100 * (double(r.lastHalfBytes) / double(r.firstHalfBytes) - 1) : 0.0,
+                double(r.mostBytes) / 1048576);
     std::printf("plans      %016llx\n", n(r.planHash));
 }
 

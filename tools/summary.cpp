@@ -183,7 +183,17 @@ void Summary::add(const ReplayFrame& frame) {
     chunkArrivals += report.chunkArrivals;
     chunkDepartures += report.chunkDepartures;
     arrivalFrames += report.chunkArrivals > 0 ? 1 : 0;
+    refinements += report.refinements;
+    lackingFrames += report.missingChunks + report.coarseChunks > 0 ? 1 : 0;
+    for (const cache::CascadeStatistics& c : report.cascades) {
+        missingTexels += c.missingTexels;
+        coarseTexels += c.coarseTexels;
+    }
+    longestLack = std::max(longestLack, report.longestLack);
+    mostResident = std::max(mostResident, report.residentBytes);
+    mostGeometry = std::max(mostGeometry, report.geometryBytes);
     bytesRead += report.bytesRead;
+    bytesAgain += report.bytesAgain;
     bytesUploaded += report.bytesUploaded;
     rays += report.rays;
     certificates += report.certificates;
@@ -252,7 +262,16 @@ std::string toJson(const ReplayHead& head, const Summary& summary) {
         {"idle_frames", summary.idleFrames},
         {"chunk_arrivals", summary.chunkArrivals},
         {"chunk_departures", summary.chunkDepartures},
+        {"chunk_refinements", summary.refinements},
+        {"lacking",
+         {{"frames", summary.lackingFrames},
+          {"missing_texels", summary.missingTexels},
+          {"coarse_texels", summary.coarseTexels},
+          {"longest_s", summary.longestLack}}},
+        {"most_resident_bytes", summary.mostResident},
+        {"most_geometry_bytes", summary.mostGeometry},
         {"bytes_read", summary.bytesRead},
+        {"bytes_again", summary.bytesAgain},
         {"bytes_uploaded", summary.bytesUploaded},
         {"errors", summary.errors},
         {"sun",

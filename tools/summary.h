@@ -56,7 +56,11 @@ struct Summary {
     std::vector<SpotSummary> spots;
     uint64_t idleFrames = 0;  ///< in which nothing was submitted
     uint64_t chunkArrivals = 0, chunkDepartures = 0, arrivalFrames = 0;
-    uint64_t bytesRead = 0, bytesUploaded = 0, rays = 0, certificates = 0, revocations = 0, errors = 0;
+    uint64_t refinements = 0, lackingFrames = 0;  ///< frames in which a map lacked a chunk, or had it too coarsely
+    uint64_t missingTexels = 0, coarseTexels = 0;  ///< summed over frames
+    double longestLack = 0;                        ///< [s]
+    uint64_t mostResident = 0, mostGeometry = 0;   ///< bytes
+    uint64_t bytesRead = 0, bytesAgain = 0, bytesUploaded = 0, rays = 0, certificates = 0, revocations = 0, errors = 0;
     uint64_t verifiedFrames = 0, verifiedTexels = 0, skippedTexels = 0, differingTexels = 0;
     uint64_t sunSteps = 0, sunRedraws = 0;  ///< directions shown one after the other; of these, redrawn whole
     double mostSunLag = 0;                  ///< [rad]

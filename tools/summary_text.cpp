@@ -197,10 +197,16 @@ std::string toText(const ReplayHead& head, const Summary& sum) {
         for (const double texel : head.texels) print(out, " %.1f", std::tan(sum.mostSunLag) * cache::kSunHeight / texel);
         print(out, " texels at %.0f m above the receiver\n", cache::kSunHeight);
     }
-    print(out, "Streaming  %s chunk arrivals in %s frames, %s departures; %s read, %s uploaded; %s errors\n",
-          count(sum.chunkArrivals).c_str(), count(sum.arrivalFrames).c_str(),
-          count(sum.chunkDepartures).c_str(), bytes(sum.bytesRead).c_str(), bytes(sum.bytesUploaded).c_str(),
+    print(out, "Streaming  %s chunk arrivals in %s frames, %s refined, %s departures; %s read, %s of it again, %s uploaded;\n"
+               "           at most %s in memory and %s of geometry; %s errors\n",
+          count(sum.chunkArrivals).c_str(), count(sum.arrivalFrames).c_str(), count(sum.refinements).c_str(),
+          count(sum.chunkDepartures).c_str(), bytes(sum.bytesRead).c_str(), bytes(sum.bytesAgain).c_str(),
+          bytes(sum.bytesUploaded).c_str(), bytes(sum.mostResident).c_str(), bytes(sum.mostGeometry).c_str(),
           count(sum.errors).c_str());
+    if (sum.lackingFrames > 0)
+        print(out, "Lacking    in %s frames a map lacked chunks, for %.2f s at most: %s texels of frames missing, %s too coarse\n",
+              count(sum.lackingFrames).c_str(), sum.longestLack, count(sum.missingTexels).c_str(),
+              count(sum.coarseTexels).c_str());
     print(out, "Frames     p50 %.3f ms, p95 %.3f ms, max %.3f ms; %s of %s submitted nothing\n",
           quantile(sum.frameMs, 0.5), quantile(sum.frameMs, 0.95), quantile(sum.frameMs, 1),
           count(sum.idleFrames).c_str(), count(sum.frames).c_str());

@@ -49,6 +49,12 @@ void CasterTable::place(CasterId id, const Placement& placement) {
     casters_[id].bounds = grown(placedBounds(meshOf(id), placement), double(casters_[id].margin));
 }
 
+void CasterTable::setMesh(CasterId id, MeshSlot mesh) {
+    CHECK(meshes_[mesh].mesh != nullptr);
+    casters_[id].mesh = mesh;
+    place(id, casters_[id].placement);
+}
+
 std::string CasterTable::describe(CasterId id) const {
     const CasterOrigin& o = casters_[id].origin;
     const std::string chunk = "chunk " + toString(o.chunk);

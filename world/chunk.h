@@ -73,12 +73,13 @@ struct NamedInstance {
     friend bool operator==(const NamedInstance&, const NamedInstance&) = default;
 };
 
-/// A chunk read whole. Terrain is a mesh in the chunk's frame: its origin is
+/// A chunk as it was read. Terrain is a mesh in the chunk's frame: its origin is
 /// (key.x * chunkSize, 0, key.z * chunkSize).
 struct Chunk {
     ChunkKey key;
     std::vector<Instance> instances;
-    Mesh terrain;  ///< no levels if the chunk has none
+    Mesh terrain;  ///< the coarser of its levels, or all; no levels if the chunk has none
+    size_t firstLevel = 0;  ///< what the directory calls the first of them
 };
 
 }  // namespace world

@@ -265,7 +265,7 @@ Result<std::vector<NamedInstance>> WorldStore::names() const {
     return impl_->decoded<std::vector<NamedInstance>>({.kind = BlobKind::kNames}, &decodeNames);
 }
 
-Result<Chunk> WorldStore::readChunk(ChunkKey key) const {
+Result<Chunk> WorldStore::readChunk(ChunkKey key, size_t firstLevel, const Chunk* base) const {
     const std::vector<ChunkRecord>& records = impl_->chunks;
     const auto record = std::lower_bound(records.begin(), records.end(), key,
                                          [](const ChunkRecord& r, ChunkKey k) { return r.key < k; });
@@ -273,22 +273,31 @@ Result<Chunk> WorldStore::readChunk(ChunkKey key) const {
         return Error{ErrorCode::kNotFound,
                      impl_->path + ": chunk " + toString(key) + ": there is no such chunk"};
 
-    const BlobKey rowKey{key.x, key.y, key.z, 0, BlobKind::kInstances};
-    Result<std::vector<Instance>> instances = impl_->decoded<std::vector<Instance>>(rowKey, &decodeInstances);
-    if (!instances) return instances.error();
     Chunk chunk;
     chunk.key = key;
-    chunk.instances = std::move(instances.value());
-    // What the directory promised is what readers have made room for.
-    if (chunk.instances.size() != record->instances)
-        return impl_->fault(rowKey, std::to_string(chunk.instances.size()) +
-                                        " instances, the directory says " +
-                                        std::to_string(record->instances));
-    for (const Instance& instance : chunk.instances)
-        if (!std::binary_search(record->meshes.begin(), record->meshes.end(), instance.mesh))
-            return impl_->fault(
-                rowKey, "the directory does not say that it uses mesh " + std::to_string(instance.mesh));
-    for (size_t k = 0; k < record->terrain.size(); ++k) {
+    chunk.firstLevel = std::min(firstLevel, record->terrain.size());
+    size_t end = record->terrain.size();  // of the levels to read
+    if (base) {
+        CHECK(base->key == key && base->firstLevel >= chunk.firstLevel);
+        chunk.instances = base->instances;
+        end = base->firstLevel;
+    } else {
+        const BlobKey rowKey{key.x, key.y, key.z, 0, BlobKind::kInstances};
+        Result<std::vector<Instance>> instances =
+            impl_->decoded<std::vector<Instance>>(rowKey, &decodeInstances);
+        if (!instances) return instances.error();
+        chunk.instances = std::move(instances.value());
+        // What the directory promised is what readers have made room for.
+        if (chunk.instances.size() != record->instances)
+            return impl_->fault(rowKey, std::to_string(chunk.instances.size()) +
+                                            " instances, the directory says " +
+                                            std::to_string(record->instances));
+        for (const Instance& instance : chunk.instances)
+            if (!std::binary_search(record->meshes.begin(), record->meshes.end(), instance.mesh))
+                return impl_->fault(rowKey, "the directory does not say that it uses mesh " +
+                                                std::to_string(instance.mesh));
+    }
+    for (size_t k = chunk.firstLevel; k < end; ++k) {
         const BlobKey levelKey{key.x, key.y, key.z, static_cast<int32_t>(k), BlobKind::kTerrainMesh};
         Result<MeshLevel> level = impl_->decoded<MeshLevel>(levelKey, &decodeMeshLevel);
         if (!level) return level.error();
@@ -296,6 +305,9 @@ Result<Chunk> WorldStore::readChunk(ChunkKey key) const {
             return impl_->fault(levelKey, "the directory says otherwise of its size or error");
         chunk.terrain.levels.push_back(std::move(level.value()));
     }
+    if (base)
+        chunk.terrain.levels.insert(chunk.terrain.levels.end(), base->terrain.levels.begin(),
+                                    base->terrain.levels.end());
     chunk.terrain.bounds = boundsOf(chunk.terrain);
     return chunk;
 }

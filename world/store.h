@@ -98,7 +98,9 @@ public:
     std::span<const MeshRecord> meshes() const;   ///< index = mesh id
 
     Result<std::vector<NamedInstance>> names() const;
-    Result<Chunk> readChunk(ChunkKey key) const;
+    /// The chunk with the levels of its terrain from `firstLevel` on, or whole. With `base`, which holds coarser
+    /// levels of the same chunk, only those that it lacks are read.
+    Result<Chunk> readChunk(ChunkKey key, size_t firstLevel = 0, const Chunk* base = nullptr) const;
     Result<Mesh> readMesh(uint32_t id) const;
     Result<std::vector<std::byte>> readBlob(const BlobKey& key) const;
     Result<std::vector<BlobInfo>> listBlobs() const;

@@ -1,9 +1,9 @@
 #include "world/streamer.h"
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
-#include <map>
+#include <cmath>
+#include <tuple>
+#include <utility>
 
 #include "world/check.h"
 
@@ -14,6 +14,16 @@ namespace {
 constexpr double kCellChunks = 4;
 constexpr double kLargestCell = 1e9;  // [m]
 
+/// Reads under way at once, but in lock-step: enough to keep a disk and the decoders busy, few enough
+/// that what is suddenly needed does not queue for long.
+constexpr size_t kMostReads = 16;
+/// A read that fails for reasons of the disk is tried so often, at first after this time [s], which doubles.
+constexpr uint8_t kAttempts = 5;
+constexpr double kRetrySeconds = 0.125;
+/// A resident chunk is given up for one that is nearer than this share of its distance: those that are equally
+/// near do not take turns.
+constexpr double kStay = 0.8;
+
 /// Index of a chunk's record, or the number of records.
 size_t find(std::span<const ChunkRecord> records, ChunkKey key) {
     const auto at = std::lower_bound(records.begin(), records.end(), key,
@@ -22,37 +32,32 @@ size_t find(std::span<const ChunkRecord> records, ChunkKey key) {
     return static_cast<size_t>(at - records.begin());
 }
 
-Error overBudget(const std::string& what, uint64_t needed, uint64_t budget) {
+Error overBudget(const std::string& what, uint64_t needed, uint64_t budget, const char* option) {
     constexpr uint64_t kMiB = 1ull << 20;
     return {ErrorCode::kLimit, what + " need " + std::to_string((needed + kMiB - 1) / kMiB) +
-                                   " MiB of memory, the budget is " + std::to_string(budget / kMiB) +
-                                   " MiB: raise it (--memory-budget)"};
+                                   " MiB, the budget is " + std::to_string(budget / kMiB) +
+                                   " MiB: raise it (" + option + ")"};
 }
 
 }  // namespace
 
-Streamer::Streamer(const WorldStore& store, uint64_t budgetBytes)
+Streamer::Streamer(const WorldStore& store, const StreamerConfig& config)
     : store_(store),
-      budget_(budgetBytes),
+      config_(config),
+      reads_(makeReads(config.clock, store, config.disk)),
+      geometryLimit_(config.geometryBytes),
       chunks_(store.chunks().size()),
       places_(store.header().bounds, std::min(kCellChunks * store.header().chunkSize, kLargestCell)),
       meshes_(store.meshes().size()) {
-    for (uint32_t i = 0; i < chunks_.size(); ++i)
+    for (uint32_t i = 0; i < chunks_.size(); ++i) {
         if (const Box& bounds = store.chunks()[i].bounds; !bounds.empty()) places_.insert(i, bounds);
-    const Result<std::vector<BlobInfo>> rows = store.listBlobs();
-    if (!rows) {
-        unlisted_ = rows.error();
-        return;
+        largestChunk_ = std::max(largestChunk_, memoryOf(i, 0));
     }
-    for (const BlobInfo& row : rows.value()) {
-        const BlobKey& key = row.key;
-        // A row that claims more is refused when it is read; here its claim must not overflow a sum.
-        const uint64_t bytes = std::min(row.rawBytes, uint64_t{1} << 32);
-        if (key.kind == BlobKind::kMesh && key.x >= 0 && static_cast<size_t>(key.x) < meshes_.size())
-            meshes_[static_cast<size_t>(key.x)].bytes += bytes;
-        if (key.kind != BlobKind::kInstances && key.kind != BlobKind::kTerrainMesh) continue;
-        const size_t record = find(store.chunks(), {key.x, key.y, key.z});
-        if (record < chunks_.size()) chunks_[record].bytes += bytes;
+    for (size_t id = 0; id < meshes_.size(); ++id) {
+        for (const LevelRecord& level : store.meshes()[id].levels) {
+            meshes_[id].bytes += memoryBytes(level);
+            meshes_[id].geometry += world::geometryBytes(level);
+        }
     }
 }
 
@@ -66,166 +71,388 @@ const Mesh& Streamer::mesh(uint32_t id) const {
     return *meshes_[id].mesh;
 }
 
-Result<StreamEvents> Streamer::advance(const std::function<bool(const Box&)>& want,
-                                       const std::function<bool(const Box&)>& keep) {
-    if (unlisted_) return *unlisted_;
-    const std::span<const ChunkRecord> records = store_.chunks();
-    std::vector<uint32_t> in, out;
-    places_.accepted([&](const Box& bounds) { return want(bounds); }, in);
-    std::erase_if(in, [this](uint32_t i) { return chunks_[i].chunk || chunks_[i].failed; });
-    for (const uint32_t i : resident_)
-        if (!keep(records[i].bounds)) out.push_back(i);
-    StreamEvents events;
-    if (in.empty() && out.empty()) return events;
+uint8_t Streamer::coarsest(uint32_t record) const {
+    const size_t levels = store_.chunks()[record].terrain.size();
+    return static_cast<uint8_t>(levels == 0 ? 0 : levels - 1);
+}
 
-    Step step = plan(std::move(in), std::move(out));
-    if (!step.in.empty() && step.bytesAfter > budget_) {
-        std::vector<uint32_t> unwanted;
-        for (const uint32_t i : resident_)
-            if (!want(records[i].bounds)) unwanted.push_back(i);
-        step = plan(std::move(step.in), std::move(unwanted));
-        if (step.bytesAfter > budget_) return overBudget("the chunks wanted here", step.bytesAfter, budget_);
+uint64_t Streamer::memoryOf(uint32_t record, uint8_t first) const {
+    if (first == kAbsent) return 0;
+    const ChunkRecord& r = store_.chunks()[record];
+    uint64_t bytes = uint64_t{r.instances} * sizeof(Instance);
+    for (size_t k = first; k < r.terrain.size(); ++k) bytes += memoryBytes(r.terrain[k]);
+    return bytes;
+}
+
+uint64_t Streamer::geometryOf(uint32_t record, uint8_t first) const {
+    if (first == kAbsent) return 0;
+    const ChunkRecord& r = store_.chunks()[record];
+    uint64_t bytes = 0;
+    for (size_t k = first; k < r.terrain.size(); ++k) bytes += world::geometryBytes(r.terrain[k]);
+    return bytes;
+}
+
+void Streamer::want(const Wants& wants, double now) {
+    std::vector<uint32_t> near;
+    places_.accepted([&](const Box& bounds) { return wants(bounds).has_value(); }, near);
+    wanted_.clear();
+    for (const uint32_t i : near) {
+        const auto want = wants(store_.chunks()[i].bounds);
+        if (!want) continue;
+        const auto& levels = store_.chunks()[i].terrain;
+        uint8_t level = coarsest(i);
+        while (level > 0 && levels[level].error > want->error) --level;
+        wanted_.push_back({i, *want, level});
     }
-    drop(step, events);
-    read(step, events);
+    const auto order = [this](const Wanted& w) {
+        const double distance = w.want.distance * (chunks_[w.record].chunk ? kStay : 1);
+        return std::tuple(w.want.due, distance, w.record);
+    };
+    std::sort(wanted_.begin(), wanted_.end(),
+              [&](const Wanted& a, const Wanted& b) { return order(a) < order(b); });
+    fit();
+    const std::vector<Lack> before = std::move(lacking_);
+    findLacking(now);
+    for (const Lack& lack : before) {
+        const auto still = std::lower_bound(lacking_.begin(), lacking_.end(), lack.record,
+                                            [](const Lack& l, uint32_t record) { return l.record < record; });
+        if (still == lacking_.end() || still->record != lack.record) chunks_[lack.record].lackingSince = -1;
+    }
+    changed_ = true;
+}
+
+/// Goals for what is wanted, as far as the budgets go.
+void Streamer::fit() {
+    for (const uint32_t record : marked_) chunks_[record].goal = kAbsent;
+    marked_.clear();
+    ++fits_;
+    uint64_t memory = 0, geometry = 0;
+    const uint64_t mostMemory = config_.memoryBytes - std::min(config_.memoryBytes / 2, largestChunk_);
+    std::vector<uint32_t> fresh;
+    const auto count = [&](uint32_t id) {
+        meshes_[id].mark = fits_;
+        memory += meshes_[id].bytes;
+        geometry += meshes_[id].geometry;
+    };
+    for (const uint32_t id : pinned_) count(id);
+    const auto raise = [&](uint32_t record, uint8_t level) {
+        ChunkState& chunk = chunks_[record];
+        if (level >= chunk.goal) return true;
+        uint64_t moreMemory = memoryOf(record, level) - memoryOf(record, chunk.goal);
+        uint64_t moreGeometry = geometryOf(record, level) - geometryOf(record, chunk.goal);
+        fresh.clear();
+        if (chunk.goal == kAbsent) {
+            for (const uint32_t id : store_.chunks()[record].meshes) {
+                if (meshes_[id].mark == fits_) continue;
+                fresh.push_back(id);
+                moreMemory += meshes_[id].bytes;
+                moreGeometry += meshes_[id].geometry;
+            }
+        }
+        if (memory + moreMemory > mostMemory || geometry + moreGeometry > geometryLimit_) return false;
+        for (const uint32_t id : fresh) meshes_[id].mark = fits_;
+        memory += moreMemory;
+        geometry += moreGeometry;
+        if (chunk.goal == kAbsent) marked_.push_back(record);
+        chunk.goal = level;
+        return true;
+    };
+    const auto stays = [](const Wanted& w) { return std::isinf(w.want.due); };
+    for (const Wanted& w : wanted_)
+        if (!stays(w) && !chunks_[w.record].failed) raise(w.record, coarsest(w.record));
+    for (const Wanted& w : wanted_) {
+        if (stays(w) || chunks_[w.record].goal == kAbsent) continue;
+        for (uint8_t level = w.level; !raise(w.record, level); ++level) {
+        }
+    }
+    // What is there already is kept, while there is room.
+    for (const Wanted& w : wanted_) {
+        const ChunkState& chunk = chunks_[w.record];
+        if (!chunk.failed || chunk.chunk) raise(w.record, std::min(chunk.first, chunk.reading));
+    }
+}
+
+StreamEvents Streamer::advance(double now) {
+    StreamEvents events;
+    if (!changed_ && settled()) return events;
+    if (std::exchange(changed_, false)) {
+        std::vector<uint32_t> leaving;
+        for (const uint32_t i : resident_)
+            if (chunks_[i].goal == kAbsent) leaving.push_back(i);
+        for (const uint32_t i : leaving) drop(i, events);
+        for (const uint32_t i : resident_) {
+            ChunkState& chunk = chunks_[i];
+            if (chunk.goal <= chunk.first || chunk.reading != kAbsent) continue;
+            if (bytes_ + memoryOf(i, chunk.goal) > config_.memoryBytes) {  // after others have shrunk
+                changed_ = true;
+                break;
+            }
+            auto coarser = std::make_shared<Chunk>(
+                Chunk{chunk.chunk->key, chunk.chunk->instances, {}, static_cast<size_t>(chunk.goal)});
+            const auto& levels = chunk.chunk->terrain.levels;
+            coarser->terrain.levels.assign(levels.begin() + (chunk.goal - chunk.first), levels.end());
+            coarser->terrain.bounds = chunk.chunk->terrain.bounds;
+            chunk.reading = chunk.goal;
+            bytes_ += memoryOf(i, chunk.goal);
+            ready_.push_back({.request = {.mesh = {}, .record = i, .firstLevel = chunk.goal, .base = {}, .bytes = 0},
+                              .chunk = std::move(coarser), .mesh = {}, .error = {}});
+        }
+    }
+    const bool waits = config_.clock == Clock::kLockStep;
+    uint64_t handed = 0;
+    std::vector<FinishedRead> finished;
+    do {
+        askAll(now);
+        finished.clear();
+        reads_->collect(now, finished);
+        for (FinishedRead& done : finished) take(std::move(done), now, events);
+        for (auto at = ready_.begin(); at != ready_.end();) {
+            const ChunkState& chunk = chunks_[at->request.record];
+            const uint64_t more = memoryOf(at->request.record, chunk.reading) - memoryOf(at->request.record, chunk.first);
+            if (!waits && handed > 0 && handed + more > config_.handOutBytes) break;
+            if (!handOver(*at, now, events)) {
+                ++at;
+                continue;
+            }
+            handed += more;
+            at = ready_.erase(at);
+        }
+    } while (waits && !finished.empty());
+    sweepMeshes(events);
+    findLacking(now);
+    peak_ = std::max(peak_, bytes_);
+    std::sort(events.meshArrivals.begin(), events.meshArrivals.end());
+    std::sort(events.arrivals.begin(), events.arrivals.end(),
+              [](const auto& a, const auto& b) { return a->key < b->key; });
     return events;
 }
 
-Streamer::Step Streamer::plan(std::vector<uint32_t> in, std::vector<uint32_t> out) const {
-    const std::span<const ChunkRecord> records = store_.chunks();
-    Step step;
-    step.bytesAfter = bytes_;
-    std::map<uint32_t, int64_t> users;  // how many more each mesh gets
-    for (const uint32_t i : in) {
-        step.bytesAfter += chunks_[i].bytes;
-        for (const uint32_t id : records[i].meshes) ++users[id];
-    }
-    for (const uint32_t i : out) {
-        step.bytesAfter -= chunks_[i].bytes;
-        for (const uint32_t id : records[i].meshes) --users[id];
-    }
-    for (const auto& [id, more] : users) {
-        const MeshState& m = meshes_[id];
-        const bool used = m.users + more > 0;
-        if (used && !m.mesh && !m.failure) {
-            step.meshesIn.push_back(id);
-            step.bytesAfter += m.bytes;
-        }
-        if (!used && m.mesh) {
-            step.meshesOut.push_back(id);
-            step.bytesAfter -= m.bytes;
-        }
-    }
-    step.in = std::move(in);
-    step.out = std::move(out);
-    return step;
+void Streamer::drop(uint32_t record, StreamEvents& events) {
+    ChunkState& chunk = chunks_[record];
+    events.departures.push_back(store_.chunks()[record].key);
+    bytes_ -= memoryOf(record, chunk.first);
+    geometry_ -= geometryOf(record, chunk.first);
+    chunk.chunk.reset();
+    chunk.first = kAbsent;
+    if (chunk.reading == kAbsent) release(record);
+    resident_.erase(std::lower_bound(resident_.begin(), resident_.end(), record));
+    geometryLimit_ = config_.geometryBytes;
 }
 
-void Streamer::drop(const Step& step, StreamEvents& events) {
-    for (const uint32_t i : step.out) {
-        const ChunkRecord& record = store_.chunks()[i];
-        events.departures.push_back(record.key);
-        for (const uint32_t id : record.meshes) --meshes_[id].users;
-        chunks_[i].chunk.reset();
-        bytes_ -= chunks_[i].bytes;
-    }
-    std::erase_if(resident_, [this](uint32_t i) { return !chunks_[i].chunk; });
-    // Meshes that only arrivals will use stay, without a user for now.
-    for (const uint32_t id : step.meshesOut) {
-        meshes_[id].mesh.reset();
-        bytes_ -= meshes_[id].bytes;
-    }
-    events.meshDepartures = step.meshesOut;
+/// The chunk uses its meshes no more.
+void Streamer::release(uint32_t record) {
+    for (const uint32_t id : store_.chunks()[record].meshes) --meshes_[id].users;
 }
 
-void Streamer::read(const Step& step, StreamEvents& events) {
-    const std::span<const ChunkRecord> records = store_.chunks();
-    std::vector<std::optional<Result<Mesh>>> meshes(step.meshesIn.size());
-    std::vector<std::optional<Result<Chunk>>> chunks(step.in.size());
-    tbb::parallel_for(size_t{0}, meshes.size() + chunks.size(), [&](size_t i) {
-        if (i < meshes.size()) {
-            meshes[i].emplace(store_.readMesh(step.meshesIn[i]));
-            return;
+/// What maps need now comes first, coarsely, then finely; then what they will need.
+void Streamer::askAll(double now) {
+    unread_ = false;
+    const bool staged = config_.clock != Clock::kLockStep;
+    for (const bool refine : {false, true}) {
+        for (const Wanted& w : wanted_) {
+            if (w.want.due > 0) break;
+            if (!ask(w, staged && !refine, now)) return;
         }
-        chunks[i - meshes.size()].emplace(store_.readChunk(records[step.in[i - meshes.size()]].key));
-    });
-
-    for (size_t i = 0; i < meshes.size(); ++i) {
-        MeshState& m = meshes_[step.meshesIn[i]];
-        if (!*meshes[i]) {
-            m.failure = meshes[i]->error();
-            continue;
-        }
-        m.mesh = std::make_unique<const Mesh>(std::move(meshes[i]->value()));
-        bytes_ += m.bytes;
     }
-    const auto stayed = static_cast<std::ptrdiff_t>(resident_.size());
-    bool allArrived = true;
-    for (size_t i = 0; i < chunks.size(); ++i)
-        allArrived &= arrive(step.in[i], std::move(*chunks[i]), events);
-    std::inplace_merge(resident_.begin(), resident_.begin() + stayed, resident_.end());
+    for (const Wanted& w : wanted_)
+        if (w.want.due > 0 && !ask(w, staged && chunks_[w.record].first == kAbsent, now)) return;
+}
 
-    for (const uint32_t id : step.meshesIn) {
-        if (meshes_[id].users == 0 || !meshes_[id].mesh) continue;
-        events.meshArrivals.push_back(id);
-        events.bytesRead += meshes_[id].bytes;
-    }
-    if (allArrived) return;
-    // Of chunks that did not arrive: new meshes were never announced, older ones have to depart.
-    for (const uint32_t i : step.in) {
-        for (const uint32_t id : records[i].meshes) {
+/// False if nothing more can be asked for in this step.
+bool Streamer::ask(const Wanted& wanted, bool coarse, double now) {
+    const uint32_t record = wanted.record;
+    ChunkState& chunk = chunks_[record];
+    if (chunk.failed || chunk.goal >= std::min(chunk.first, chunk.reading)) return true;
+    unread_ = true;
+    if (chunk.reading != kAbsent || now < chunk.retryAt || (coarse && chunk.first != kAbsent)) return true;
+    if (config_.clock != Clock::kLockStep && reads_->underWay() >= kMostReads) return false;
+    const uint8_t level = coarse ? std::max(chunk.goal, coarsest(record)) : chunk.goal;
+    uint64_t need = memoryOf(record, level);
+    if (chunk.first == kAbsent)
+        for (const uint32_t id : store_.chunks()[record].meshes)
+            if (const MeshState& m = meshes_[id]; !m.mesh && !m.reading) need += m.bytes;
+    if (bytes_ + need > config_.memoryBytes) return false;
+    bytes_ += need;
+    peak_ = std::max(peak_, bytes_);
+    chunk.reading = level;
+    if (chunk.first == kAbsent) {
+        for (const uint32_t id : store_.chunks()[record].meshes) {
             MeshState& m = meshes_[id];
-            if (m.users > 0 || !m.mesh) continue;
-            m.mesh.reset();
-            bytes_ -= m.bytes;
-            if (!std::binary_search(step.meshesIn.begin(), step.meshesIn.end(), id))
-                events.meshDepartures.push_back(id);
+            ++m.users;
+            if (m.mesh || m.reading) continue;
+            m.reading = true;
+            reads_->ask({.mesh = id, .record = 0, .firstLevel = 0, .base = {}, .bytes = m.bytes}, now);
         }
     }
-    std::sort(events.meshDepartures.begin(), events.meshDepartures.end());
-}
-
-/// False, with an error, for a chunk that lacks a part.
-bool Streamer::arrive(uint32_t record, Result<Chunk> chunk, StreamEvents& events) {
-    const std::vector<uint32_t>& ids = store_.chunks()[record].meshes;
-    const auto lacking =
-        std::find_if(ids.begin(), ids.end(), [this](uint32_t id) { return !meshes_[id].mesh; });
-    if (!chunk || lacking != ids.end()) {
-        Error error = chunk ? *meshes_[*lacking].failure : chunk.error();
-        error.what = "chunk " + toString(store_.chunks()[record].key) + " is left out: " + error.what;
-        events.errors.push_back(std::move(error));
-        chunks_[record].failed = true;
-        return false;
-    }
-    for (const uint32_t id : ids) ++meshes_[id].users;
-    chunks_[record].chunk = std::make_shared<const Chunk>(std::move(chunk.value()));
-    bytes_ += chunks_[record].bytes;
-    resident_.push_back(record);
-    events.bytesRead += chunks_[record].bytes;
-    events.arrivals.push_back(chunks_[record].chunk);
+    reads_->ask({.mesh = {}, .record = record, .firstLevel = level, .base = chunk.chunk,
+                 .bytes = memoryOf(record, level) - memoryOf(record, chunk.first)},
+                now);
     return true;
 }
 
+void Streamer::take(FinishedRead done, double now, StreamEvents& events) {
+    const ReadRequest& request = done.request;
+    if (request.mesh) {
+        MeshState& m = meshes_[*request.mesh];
+        if (done.error && done.error->code == ErrorCode::kIo && config_.clock != Clock::kLockStep &&
+            ++m.attempts < kAttempts) {
+            reads_->ask(std::move(done.request), now);
+            return;
+        }
+        m.reading = false;
+        if (m.mesh) return;  // pinned meanwhile
+        if (done.error) {
+            m.failure = done.error;
+            bytes_ -= m.bytes;
+            return;
+        }
+        m.mesh = std::move(done.mesh);
+        events.bytesRead += m.bytes;
+        if (std::exchange(m.everRead, true)) events.bytesAgain += m.bytes;
+        return;
+    }
+    ChunkState& chunk = chunks_[request.record];
+    if (done.error) {
+        fail(request.record, *done.error, now, events);
+        return;
+    }
+    events.bytesRead += request.bytes;
+    if (chunk.everRead != kAbsent) {
+        const auto base = request.base ? static_cast<uint8_t>(request.base->firstLevel) : kAbsent;
+        const uint8_t known = std::max(chunk.everRead, static_cast<uint8_t>(request.firstLevel));
+        if (known < base) events.bytesAgain += memoryOf(request.record, known) - memoryOf(request.record, base);
+    }
+    chunk.everRead = std::min(chunk.everRead, static_cast<uint8_t>(request.firstLevel));
+    ready_.push_back(std::move(done));
+}
+
+/// The chunk's read came to nothing. What is there of it stays.
+void Streamer::fail(uint32_t record, const Error& error, double now, StreamEvents& events) {
+    ChunkState& chunk = chunks_[record];
+    bytes_ -= memoryOf(record, chunk.reading);
+    chunk.reading = kAbsent;
+    if (chunk.first == kAbsent) release(record);
+    if (error.code == ErrorCode::kIo && config_.clock != Clock::kLockStep && ++chunk.attempts < kAttempts) {
+        chunk.retryAt = now + kRetrySeconds * double(1 << chunk.attempts);
+        unread_ = true;
+        return;
+    }
+    chunk.failed = true;
+    const char* what = chunk.first == kAbsent ? " is left out: " : " stays coarse: ";
+    events.errors.push_back({error.code, "chunk " + toString(store_.chunks()[record].key) + what + error.what, error.native});
+}
+
+/// False while the chunk must wait for a mesh.
+bool Streamer::handOver(FinishedRead& ready, double now, StreamEvents& events) {
+    const uint32_t record = ready.request.record;
+    ChunkState& chunk = chunks_[record];
+    const std::vector<uint32_t>& ids = store_.chunks()[record].meshes;
+    if (chunk.goal == kAbsent) {  // not wanted any more
+        bytes_ -= memoryOf(record, chunk.reading);
+        chunk.reading = kAbsent;
+        release(record);
+        return true;
+    }
+    if (chunk.first == kAbsent) {
+        for (const uint32_t id : ids) {
+            if (meshes_[id].reading) return false;
+            if (meshes_[id].mesh) continue;
+            fail(record, *meshes_[id].failure, now, events);
+            chunk.failed = true;
+            return true;
+        }
+        for (const uint32_t id : ids) {
+            MeshState& m = meshes_[id];
+            if (std::exchange(m.announced, true)) continue;
+            geometry_ += m.geometry;
+            events.meshArrivals.push_back(id);
+        }
+        resident_.insert(std::lower_bound(resident_.begin(), resident_.end(), record), record);
+    }
+    bytes_ -= memoryOf(record, chunk.first);
+    geometry_ += geometryOf(record, chunk.reading) - geometryOf(record, chunk.first);
+    chunk.first = std::exchange(chunk.reading, kAbsent);
+    chunk.chunk = std::move(ready.chunk);
+    chunk.attempts = 0;
+    events.arrivals.push_back(chunk.chunk);
+    return true;
+}
+
+void Streamer::refuse(ChunkKey key, std::shared_ptr<const Chunk> held, double now) {
+    const auto record = static_cast<uint32_t>(find(store_.chunks(), key));
+    ChunkState& chunk = chunks_[record];
+    const uint8_t before = held ? static_cast<uint8_t>(held->firstLevel) : kAbsent;
+    bytes_ = bytes_ - memoryOf(record, chunk.first) + memoryOf(record, before);
+    geometry_ = geometry_ - geometryOf(record, chunk.first) + geometryOf(record, before);
+    chunk.chunk = std::move(held);
+    chunk.first = chunk.goal = before;
+    if (before == kAbsent) {
+        release(record);
+        resident_.erase(std::lower_bound(resident_.begin(), resident_.end(), record));
+    }
+    geometryLimit_ = geometry_;
+    for (const uint32_t id : store_.chunks()[record].meshes)
+        if (meshes_[id].users == 0 && meshes_[id].announced) geometryLimit_ -= meshes_[id].geometry;
+    changed_ = true;
+    findLacking(now);
+}
+
+/// Meshes that nothing uses leave.
+void Streamer::sweepMeshes(StreamEvents& events) {
+    for (uint32_t id = 0; id < meshes_.size(); ++id) {
+        MeshState& m = meshes_[id];
+        if (m.users > 0 || !m.mesh) continue;
+        m.mesh.reset();
+        bytes_ -= m.bytes;
+        if (!std::exchange(m.announced, false)) continue;
+        geometry_ -= m.geometry;
+        events.meshDepartures.push_back(id);
+    }
+}
+
+void Streamer::findLacking(double now) {
+    lacking_.clear();
+    for (const Wanted& w : wanted_) {
+        if (w.want.due > 0) break;
+        ChunkState& chunk = chunks_[w.record];
+        if (chunk.first <= w.level) {
+            chunk.lackingSince = -1;
+            continue;
+        }
+        if (chunk.lackingSince < 0) chunk.lackingSince = now;
+        const bool absent = chunk.first == kAbsent;
+        lacking_.push_back({w.record, absent, absent ? 0 : store_.chunks()[w.record].terrain[chunk.first].error,
+                            chunk.lackingSince});
+    }
+    std::sort(lacking_.begin(), lacking_.end(), [](const Lack& a, const Lack& b) { return a.record < b.record; });
+}
+
 Result<Done> Streamer::pin(uint32_t id) {
-    if (unlisted_) return *unlisted_;
     if (id >= meshes_.size())
         return Error{ErrorCode::kNotFound,
                      store_.path() + ": mesh " + std::to_string(id) + ": there is no such mesh"};
     MeshState& m = meshes_[id];
     if (m.failure) return *m.failure;
+    if (!m.announced && geometry_ + m.geometry > config_.geometryBytes)
+        return overBudget("the resident levels and mesh " + std::to_string(id), geometry_ + m.geometry,
+                          config_.geometryBytes, "--gpu-budget");
     if (!m.mesh) {
-        if (bytes_ + m.bytes > budget_)
+        if (bytes_ + m.bytes > config_.memoryBytes)
             return overBudget("the resident chunks and mesh " + std::to_string(id), bytes_ + m.bytes,
-                              budget_);
+                              config_.memoryBytes, "--memory-budget");
         Result<Mesh> mesh = store_.readMesh(id);
         if (!mesh) {
             m.failure = mesh.error();
             return mesh.error();
         }
         m.mesh = std::make_unique<const Mesh>(std::move(mesh.value()));
-        bytes_ += m.bytes;
+        if (!m.reading) bytes_ += m.bytes;
     }
-    ++m.users;
+    if (!std::exchange(m.announced, true)) geometry_ += m.geometry;
+    if (!std::exchange(m.pinned, true)) {
+        ++m.users;
+        pinned_.push_back(id);
+    }
     return Done{};
 }
 

@@ -389,13 +389,8 @@ TEST(SpotLights, LevelsThatOnlyALightDrawsAreUploadedForIt) {
     higher.position.y = 29;  // where the coarse level will do
     ASSERT_TRUE(tight->addSpot(higher));
     const SpotId greedy = tight->addSpot(light).value();
-    const auto failed = tight->advance(still);
-    ASSERT_FALSE(failed);
-    EXPECT_EQ(failed.error().code, world::ErrorCode::kLimit);
-    EXPECT_NE(failed.error().what.find("spot light 1"), std::string::npos) << failed.error().what;
-    EXPECT_NE(failed.error().what.find("--gpu-budget"), std::string::npos) << failed.error().what;
+    EXPECT_GT(tight->advance(still).value().missingChunks, 0u) << "all levels that a light may ask for are counted";
     ASSERT_TRUE(tight->removeSpot(greedy));
-    EXPECT_EQ(tight->advance(still).value().spots[0].cost.cause, Cause::kStart) << "nothing was drawn for it";
     EXPECT_EQ(tight->verify().value().differing, 0u);
     tests::expectSilence();
 }

@@ -29,6 +29,8 @@ inline cache::CascadeStatistics randomCascade(std::mt19937& rng) {
     statistics.unknownTexels = rng() % 1000;
     statistics.staleTexels = rng() % 1000;
     statistics.oldestDebt = rng() % 50;
+    statistics.missingTexels = rng() % 1000;
+    statistics.coarseTexels = rng() % 1000;
     return statistics;
 }
 
@@ -43,7 +45,14 @@ inline tools::ReplayFrame randomFrame(std::mt19937& rng, std::mt19937& noise, ui
     frame.report.submitted = rng() % 4 != 0;
     frame.report.chunkArrivals = rng() % 5;
     frame.report.chunkDepartures = rng() % 5;
+    frame.report.refinements = rng() % 5;
+    frame.report.missingChunks = rng() % 3;
+    frame.report.coarseChunks = rng() % 3;
+    frame.report.longestLack = static_cast<double>(rng() % 100) / 8;
     frame.report.bytesRead = rng();
+    frame.report.bytesAgain = rng();
+    frame.report.residentBytes = rng();
+    frame.report.geometryBytes = rng();
     frame.report.bytesUploaded = rng();
     frame.report.rays = rng();
     frame.report.certificates = rng() % 100;

@@ -4,9 +4,11 @@
 #include <tbb/global_control.h>
 
 #include <algorithm>
-#include <chrono>
+#include <cmath>
+#include <limits>
 #include <map>
 #include <set>
+#include <thread>
 
 #include "random_world.h"
 #include "world/bake.h"
@@ -19,14 +21,27 @@ using namespace world;
 using world_tests::randomSource;
 using world_tests::TempFolder;
 
-constexpr uint64_t kPlenty = 1ull << 30;
+constexpr double kNever = std::numeric_limits<double>::infinity();
+constexpr float kAnyError = 1e9f;
 
-/// Accepts boxes that overlap a column around a point, the way a camera wants chunks.
-std::function<bool(const Box&)> around(glm::dvec3 p, double reach) {
-    return [p, reach](const Box& b) {
-        return b.min.x <= p.x + reach && b.max.x >= p.x - reach && b.min.z <= p.z + reach &&
-               b.max.z >= p.z - reach;
+/// Wants boxes that overlap a square column around a point the way a camera does: those within `reach` now, finely
+/// within half of it, and keeps those within `keep`.
+Wants around(glm::dvec3 p, double reach, double keep) {
+    return [=](const Box& b) -> std::optional<Want> {
+        const glm::dvec2 gap(std::max({b.min.x - p.x, p.x - b.max.x, 0.0}), std::max({b.min.z - p.z, p.z - b.max.z, 0.0}));
+        const double away = std::max(gap.x, gap.y);
+        if (away > keep) return std::nullopt;
+        return Want{away <= reach ? 0 : kNever, glm::length(gap), away <= reach / 2 ? 0 : kAnyError};
     };
+}
+
+std::optional<Want> all(const Box&) { return Want{}; }
+std::optional<Want> none(const Box&) { return std::nullopt; }
+
+/// One step in which something is wanted anew.
+StreamEvents step(Streamer& streamer, const Wants& wants, double now = 0) {
+    streamer.want(wants, now);
+    return streamer.advance(now);
 }
 
 class StreamerTest : public ::testing::Test {
@@ -50,65 +65,87 @@ protected:
         reopen();
     }
     std::string path() const { return folder_.file("w"); }
+    /// What all chunks and meshes take, or their geometry alone.
+    uint64_t whole() const {
+        Streamer streamer(*store_, {});
+        (void)step(streamer, all);
+        return streamer.residentBytes();
+    }
 
     TempFolder folder_;
     std::unique_ptr<WorldStore> store_;
 };
 
-/// What a streamer holds, from its events alone and from the store's list of rows.
+/// What a streamer holds, from its events alone and from what is decoded.
 struct Model {
-    explicit Model(const WorldStore& world) : store(world) {
-        const std::vector<BlobInfo> rows = store.listBlobs().value();
-        for (const BlobInfo& b : rows) {
-            if (b.key.kind == BlobKind::kMesh) meshBytes[static_cast<uint32_t>(b.key.x)] += b.rawBytes;
-            if (b.key.kind == BlobKind::kInstances || b.key.kind == BlobKind::kTerrainMesh)
-                chunkBytes[{b.key.x, b.key.y, b.key.z}] += b.rawBytes;
-        }
+    explicit Model(const WorldStore& world) : store(world) {}
+    static uint64_t bytesOf(const Mesh& mesh) {
+        uint64_t bytes = 0;
+        for (const MeshLevel& l : mesh.levels)
+            bytes += l.positions.size() * sizeof(glm::vec3) + l.indices.size() * sizeof(uint32_t) +
+                     l.clusters.size() * sizeof(Cluster);
+        return bytes;
+    }
+    static uint64_t bytesOf(const Chunk& chunk) {
+        return chunk.instances.size() * sizeof(Instance) + bytesOf(chunk.terrain);
+    }
+    static uint64_t geometryOf(const Mesh& mesh) {
+        uint64_t bytes = 0;
+        for (const MeshLevel& l : mesh.levels)
+            bytes += l.positions.size() * sizeof(glm::vec3) + l.indices.size() * sizeof(uint32_t);
+        return bytes;
     }
     void apply(const StreamEvents& events) {
         ASSERT_TRUE(std::is_sorted(events.departures.begin(), events.departures.end()));
         ASSERT_TRUE(std::is_sorted(events.meshArrivals.begin(), events.meshArrivals.end()));
         ASSERT_TRUE(std::is_sorted(events.meshDepartures.begin(), events.meshDepartures.end()));
-        uint64_t read = 0;
         for (const ChunkKey key : events.departures) ASSERT_EQ(chunks.erase(key), 1u) << toString(key);
         for (const uint32_t id : events.meshDepartures) ASSERT_EQ(meshes.erase(id), 1u) << id;
-        for (const uint32_t id : events.meshArrivals) {
-            ASSERT_TRUE(meshes.insert(id).second) << id;
-            read += meshBytes[id];
-        }
+        for (const uint32_t id : events.meshArrivals) ASSERT_TRUE(meshes.insert(id).second) << id;
         for (size_t i = 0; i < events.arrivals.size(); ++i) {
-            const ChunkKey key = events.arrivals[i]->key;
-            ASSERT_TRUE(i == 0 || events.arrivals[i - 1]->key < key);
-            ASSERT_TRUE(chunks.insert(key).second) << toString(key);
-            read += chunkBytes[key];
+            const auto& chunk = events.arrivals[i];
+            ASSERT_TRUE(i == 0 || events.arrivals[i - 1]->key < chunk->key);
+            const auto before = chunks.find(chunk->key);
+            if (before != chunks.end()) {
+                ASSERT_NE(before->second->firstLevel, chunk->firstLevel);
+            }
+            chunks[chunk->key] = chunk;
         }
-        ASSERT_EQ(events.bytesRead, read);
     }
-    /// Meshes are those of the chunks; sizes add up.
+    /// Meshes are those of the chunks; sizes add up while nothing is being read.
     void agrees(const Streamer& streamer) {
         std::set<uint32_t> used = pinned;
-        uint64_t bytes = 0;
+        uint64_t bytes = 0, geometry = 0;
         for (const ChunkRecord& r : store.chunks()) {
             ASSERT_EQ(streamer.resident(r.key), chunks.contains(r.key)) << toString(r.key);
             if (!chunks.contains(r.key)) continue;
             used.insert(r.meshes.begin(), r.meshes.end());
-            bytes += chunkBytes[r.key];
+            const Chunk& chunk = *chunks.at(r.key);
+            ASSERT_EQ(chunk.terrain.levels.size(), r.terrain.size() - chunk.firstLevel);
+            bytes += bytesOf(chunk);
+            geometry += geometryOf(chunk.terrain);
         }
         std::set<uint32_t> held = meshes;
         held.insert(pinned.begin(), pinned.end());
-        ASSERT_EQ(held, used);
-        for (const uint32_t id : used) {
-            bytes += meshBytes[id];
+        // A chunk that left while it was being read lets go of its meshes when that has ended.
+        ASSERT_TRUE(std::includes(held.begin(), held.end(), used.begin(), used.end()));
+        if (streamer.settled()) {
+            ASSERT_EQ(held, used);
+        }
+        for (const uint32_t id : held) {
+            bytes += bytesOf(streamer.mesh(id));
+            geometry += geometryOf(streamer.mesh(id));
             ASSERT_EQ(streamer.mesh(id).levels.size(), store.meshes()[id].levels.size());
         }
-        ASSERT_EQ(streamer.residentBytes(), bytes);
+        ASSERT_EQ(streamer.geometryBytes(), geometry);
+        if (streamer.settled()) {
+            ASSERT_EQ(streamer.residentBytes(), bytes);
+        }
         ASSERT_EQ(streamer.residentChunks(), chunks.size());
     }
 
     const WorldStore& store;
-    std::map<uint32_t, uint64_t> meshBytes;
-    std::map<ChunkKey, uint64_t> chunkBytes;
-    std::set<ChunkKey> chunks;
+    std::map<ChunkKey, std::shared_ptr<const Chunk>> chunks;
     std::set<uint32_t> meshes, pinned;
 };
 
@@ -118,48 +155,58 @@ TEST_F(StreamerTest, HoldsWhatIsWantedAndKept) {
         std::vector<std::string> logs;
         for (const size_t threads : {1, 2, 5}) {
             const tbb::global_control control(tbb::global_control::max_allowed_parallelism, threads);
-            Streamer streamer(*store_, kPlenty);
+            Streamer streamer(*store_, {});
             Model model(*store_);
-            std::set<ChunkKey> expected;
+            std::map<ChunkKey, size_t> expected;  // finest level
             std::mt19937 rng(52);
             std::uniform_real_distribution<double> stride(-40, 40);
             const glm::dvec3 low(far * 32.0, 0, far * 32.0), high = low + glm::dvec3(12 * 32.0, 0, 12 * 32.0);
             glm::dvec3 p = (low + high) * 0.5;
             std::string log;
-            for (int step = 0; step < 150; ++step) {
-                p += glm::dvec3(stride(rng), 0, stride(rng)) * (step % 11 == 0 ? 8.0 : 1.0);
+            size_t refined = 0;
+            for (int s = 0; s < 150; ++s) {
+                p += glm::dvec3(stride(rng), 0, stride(rng)) * (s % 11 == 0 ? 8.0 : 1.0);
                 p = glm::clamp(p, low, high);
-                const auto want = around(p, 50), keep = around(p, 70);
+                const Wants wants = around(p, 50, 70);
                 for (const ChunkRecord& r : store_->chunks()) {
-                    if (!keep(r.bounds)) expected.erase(r.key);
-                    if (want(r.bounds)) expected.insert(r.key);
+                    const auto want = wants(r.bounds);
+                    if (!want) expected.erase(r.key);
+                    if (!want || std::isinf(want->due)) continue;
+                    const size_t coarsest = r.terrain.empty() ? 0 : r.terrain.size() - 1;
+                    const size_t level = want->error > 0 ? coarsest : 0;
+                    const auto known = expected.try_emplace(r.key, level).first;
+                    refined += known->second > level;
+                    known->second = std::min(known->second, level);
                 }
-                const Result<StreamEvents> events = streamer.advance(want, keep);
-                ASSERT_TRUE(events) << events.error().what;
-                ASSERT_TRUE(events.value().errors.empty());
-                ASSERT_NO_FATAL_FAILURE(model.apply(events.value())) << "step " << step;
-                ASSERT_EQ(model.chunks, expected) << "step " << step;
-                ASSERT_NO_FATAL_FAILURE(model.agrees(streamer)) << "step " << step;
-                for (const auto& chunk : events.value().arrivals) {
+                const StreamEvents events = step(streamer, wants);
+                ASSERT_TRUE(events.errors.empty());
+                ASSERT_NO_FATAL_FAILURE(model.apply(events)) << "step " << s;
+                ASSERT_EQ(model.chunks.size(), expected.size()) << "step " << s;
+                for (const auto& [key, level] : expected)
+                    ASSERT_EQ(model.chunks.at(key)->firstLevel, level) << toString(key) << " step " << s;
+                ASSERT_NO_FATAL_FAILURE(model.agrees(streamer)) << "step " << s;
+                ASSERT_TRUE(streamer.settled() && streamer.lacking().empty());
+                for (const auto& chunk : events.arrivals) {
                     ASSERT_EQ(chunk->instances.size(),
                               store_->readChunk(chunk->key).value().instances.size());
-                    log += " in " + toString(chunk->key);
+                    log += " in " + toString(chunk->key) + std::to_string(chunk->firstLevel);
                 }
-                for (const ChunkKey key : events.value().departures) log += " out " + toString(key);
-                for (const uint32_t id : events.value().meshArrivals) log += " mesh " + std::to_string(id);
-                for (const uint32_t id : events.value().meshDepartures)
-                    log += " no mesh " + std::to_string(id);
-                if (step % 5 == 0) {  // nothing moved, nothing to do
-                    const Result<StreamEvents> again = streamer.advance(want, keep);
-                    ASSERT_TRUE(again && again.value().arrivals.empty() && again.value().departures.empty() &&
-                                again.value().meshArrivals.empty() && again.value().meshDepartures.empty());
+                for (const ChunkKey key : events.departures) log += " out " + toString(key);
+                for (const uint32_t id : events.meshArrivals) log += " mesh " + std::to_string(id);
+                for (const uint32_t id : events.meshDepartures) log += " no mesh " + std::to_string(id);
+                log += " read " + std::to_string(events.bytesRead) + " again " + std::to_string(events.bytesAgain);
+                if (s % 5 == 0) {  // nothing moved, nothing to do
+                    const StreamEvents again = step(streamer, wants);
+                    ASSERT_TRUE(again.arrivals.empty() && again.departures.empty() && again.bytesRead == 0 &&
+                                again.meshArrivals.empty() && again.meshDepartures.empty());
                 }
             }
+            EXPECT_GT(refined, 5u);
             logs.push_back(log);
-            const auto none = [](const Box&) { return false; };
-            ASSERT_NO_FATAL_FAILURE(model.apply(streamer.advance(none, none).value()));
+            ASSERT_NO_FATAL_FAILURE(model.apply(step(streamer, none)));
             EXPECT_TRUE(model.chunks.empty() && model.meshes.empty());
             EXPECT_EQ(streamer.residentBytes(), 0u);
+            EXPECT_EQ(streamer.geometryBytes(), 0u);
         }
         EXPECT_GT(logs[0].size(), 1000u);
         EXPECT_EQ(logs[0], logs[1]);
@@ -167,59 +214,104 @@ TEST_F(StreamerTest, HoldsWhatIsWantedAndKept) {
     }
 }
 
-TEST_F(StreamerTest, BudgetIsAskedBeforeAnythingChanges) {
-    bakeAndOpen({.seed = 53, .chunksAside = 10, .meshes = 20});
-    const auto all = [](const Box&) { return true; };
-    const auto none = [](const Box&) { return false; };
-    Streamer plenty(*store_, kPlenty);
-    ASSERT_TRUE(plenty.advance(all, all));
-    const uint64_t whole = plenty.residentBytes();
-
-    Streamer exact(*store_, whole);
-    EXPECT_TRUE(exact.advance(all, all));
-    EXPECT_EQ(exact.residentBytes(), whole);
-
-    Streamer tight(*store_, whole - 1);
-    const auto some = around({0, 0, 0}, 40);
-    ASSERT_TRUE(tight.advance(some, all));
-    const size_t before = tight.residentChunks();
-    const uint64_t bytes = tight.residentBytes();
-    ASSERT_GT(before, 0u);
-    const Result<StreamEvents> refused = tight.advance(all, all);
-    ASSERT_FALSE(refused);
-    EXPECT_EQ(refused.error().code, ErrorCode::kLimit);
-    EXPECT_NE(refused.error().what.find("--memory-budget"), std::string::npos) << refused.error().what;
-    EXPECT_NE(refused.error().what.find(" MiB"), std::string::npos);
-    EXPECT_EQ(tight.residentChunks(), before);
-    EXPECT_EQ(tight.residentBytes(), bytes);
-    EXPECT_TRUE(tight.advance(none, none)) << "it goes on after a refusal";
-    EXPECT_EQ(tight.residentBytes(), 0u);
+TEST_F(StreamerTest, RefinedChunksHoldTheLevelsOfTheStore) {
+    bakeAndOpen({.seed = 60, .chunksAside = 8, .meshes = 5});
+    Streamer streamer(*store_, {});
+    const auto coarse = [](const Box&) { return std::optional(Want{0, 0, kAnyError}); };
+    (void)step(streamer, coarse);
+    const StreamEvents events = step(streamer, all);
+    ASSERT_FALSE(events.arrivals.empty());
+    for (const auto& chunk : events.arrivals) {
+        const Chunk whole = store_->readChunk(chunk->key).value();
+        ASSERT_EQ(chunk->terrain.levels.size(), whole.terrain.levels.size());
+        for (size_t k = 0; k < whole.terrain.levels.size(); ++k) {
+            EXPECT_EQ(chunk->terrain.levels[k].positions, whole.terrain.levels[k].positions);
+            EXPECT_EQ(chunk->terrain.levels[k].indices, whole.terrain.levels[k].indices);
+        }
+        EXPECT_EQ(chunk->terrain.bounds, whole.terrain.bounds);
+        EXPECT_EQ(chunk->instances.size(), whole.instances.size());
+    }
+    EXPECT_EQ(events.bytesAgain, 0u) << "what is there is not read again";
 }
 
-TEST_F(StreamerTest, HysteresisGivesWayToTheBudget) {
+/// Coarse levels of all before fine ones of any, the nearest first, and never more than the budget.
+TEST_F(StreamerTest, DegradesToWhatFits) {
+    bakeAndOpen({.seed = 53, .chunksAside = 10, .meshes = 20});
+    const uint64_t needed = whole();
+    for (const Clock clock : {Clock::kLockStep, Clock::kVirtual}) {
+        for (const uint64_t part : {2, 3, 8, 1000}) {
+            StreamerConfig config;
+            config.memoryBytes = needed / part;
+            config.clock = clock;
+            Streamer streamer(*store_, config);
+            Model model(*store_);
+            std::mt19937 rng(61);
+            std::uniform_real_distribution<double> place(-64, 256);
+            for (int s = 0; s < 60; ++s) {
+                const glm::dvec3 p(place(rng), 0, place(rng));
+                const Wants wants = around(p, 1000, 1000);
+                streamer.want(wants, s);
+                for (double t = s; t < s + 0.9; t += 0.05) {
+                    ASSERT_NO_FATAL_FAILURE(model.apply(streamer.advance(t)));
+                    ASSERT_LE(streamer.residentBytes(), config.memoryBytes);
+                }
+                ASSERT_LE(streamer.peakBytes(), config.memoryBytes);
+                ASSERT_NO_FATAL_FAILURE(model.agrees(streamer));
+                size_t lacking = 0;
+                for (uint32_t i = 0; i < store_->chunks().size(); ++i) {
+                    const auto known = model.chunks.find(store_->chunks()[i].key);
+                    lacking += known == model.chunks.end() || known->second->firstLevel > 0;
+                }
+                ASSERT_EQ(streamer.lacking().size(), lacking);
+                ASSERT_GT(lacking, 0u);
+            }
+            if (part == 1000) {
+                EXPECT_LE(model.chunks.size(), 2u);
+            } else {
+                EXPECT_GT(model.chunks.size(), 1u);
+            }
+        }
+    }
+    StreamerConfig config;
+    config.geometryBytes = 40 << 10;
+    Streamer small(*store_, config);
+    (void)step(small, all);
+    EXPECT_LE(small.geometryBytes(), config.geometryBytes);
+    EXPECT_GT(small.geometryBytes(), config.geometryBytes / 2);
+    EXPECT_FALSE(small.lacking().empty());
+    const double since = small.lacking()[0].since;
+    (void)step(small, all, 7);
+    EXPECT_EQ(small.lacking()[0].since, since) << "it has lacked all the time";
+}
+
+TEST_F(StreamerTest, WhatIsKeptGivesWayToTheBudget) {
     bakeAndOpen({.seed = 54, .chunksAside = 10, .meshes = 20});
-    const auto all = [](const Box&) { return true; };
-    Streamer probe(*store_, kPlenty);
-    uint64_t most = 0;
+    Streamer probe(*store_, {});
+    uint64_t most = 0, largest = 0;
+    for (const ChunkRecord& r : store_->chunks()) {
+        uint64_t bytes = r.instances * sizeof(Instance);
+        for (const LevelRecord& l : r.terrain) bytes += memoryBytes(l);
+        largest = std::max(largest, bytes);
+    }
     for (int x = -2; x < 8; ++x) {
-        const auto want = around({x * 32.0 + 16, 0, 96}, 40);
-        ASSERT_TRUE(probe.advance(want, want));
+        (void)step(probe, around({x * 32.0 + 16, 0, 96}, 40, 40));
         most = std::max(most, probe.residentBytes());
     }
     // Room for any one place: everything is kept until that is too much, then only what is wanted.
-    Streamer streamer(*store_, most);
+    StreamerConfig config;
+    config.memoryBytes = most + largest;
+    Streamer streamer(*store_, config);
     Model model(*store_);
     bool gaveWay = false;
     for (int x = -2; x < 8; ++x) {
-        const auto want = around({x * 32.0 + 16, 0, 96}, 40);
-        const Result<StreamEvents> events = streamer.advance(want, all);
-        ASSERT_TRUE(events) << events.error().what;
-        gaveWay = gaveWay || !events.value().departures.empty();
-        ASSERT_NO_FATAL_FAILURE(model.apply(events.value()));
+        const Wants wants = around({x * 32.0 + 16, 0, 96}, 40, 1e9);
+        const StreamEvents events = step(streamer, wants);
+        gaveWay = gaveWay || !events.departures.empty();
+        ASSERT_NO_FATAL_FAILURE(model.apply(events));
         ASSERT_NO_FATAL_FAILURE(model.agrees(streamer));
-        EXPECT_LE(streamer.residentBytes(), most);
+        EXPECT_LE(streamer.peakBytes(), config.memoryBytes);
         for (const ChunkRecord& r : store_->chunks())
-            EXPECT_TRUE(!want(r.bounds) || streamer.resident(r.key));
+            EXPECT_TRUE(wants(r.bounds)->due > 0 || streamer.resident(r.key));
     }
     EXPECT_TRUE(gaveWay);
 }
@@ -229,18 +321,15 @@ TEST_F(StreamerTest, AsksAboutWhatIsNearAlone) {
     for (const int aside : {16, 48}) {
         bakeAndOpen({.seed = 59, .chunksAside = aside, .meshes = 3, .instances = 2});
         chunks.push_back(store_->chunks().size());
-        Streamer streamer(*store_, kPlenty);
-        const auto area = around({8 * 32.0, 0, 8 * 32.0}, 60);
+        Streamer streamer(*store_, {});
+        const Wants area = around({8 * 32.0, 0, 8 * 32.0}, 60, 60);
         size_t calls = 0;
         const auto want = [&](const Box& b) {
             ++calls;
             return area(b);
         };
-        ASSERT_GT(streamer.advance(want, want).value().arrivals.size(), 8u);
+        ASSERT_GT(step(streamer, want).arrivals.size(), 8u);
         asked.push_back(calls);
-        calls = 0;
-        EXPECT_TRUE(streamer.advance(want, want).value().arrivals.empty());
-        EXPECT_EQ(calls, asked.back() + streamer.residentChunks());
     }
     EXPECT_GT(chunks[1], 8 * chunks[0]);
     EXPECT_LT(asked[1], asked[0] + 100);  // a few large cells more
@@ -251,34 +340,32 @@ TEST_F(StreamerTest, ABadChunkIsOneErrorAndTheRestGoesOn) {
     const ChunkKey bad = store_->chunks()[7].key;
     cutInto("UPDATE blob SET checksum=checksum+1 WHERE kind=5 AND x=" + std::to_string(bad.x) +
             " AND z=" + std::to_string(bad.z));
-    const auto all = [](const Box&) { return true; };
-    const auto none = [](const Box&) { return false; };
-    Streamer streamer(*store_, kPlenty);
+    Streamer streamer(*store_, {});
     Model model(*store_);
-    const Result<StreamEvents> events = streamer.advance(all, all);
-    ASSERT_TRUE(events);
-    ASSERT_EQ(events.value().errors.size(), 1u);
-    EXPECT_EQ(events.value().errors[0].code, ErrorCode::kBadData);
-    EXPECT_EQ(events.value().errors[0].what.find("chunk " + toString(bad) + " is left out: " + path() +
-                                                 ": instances " + toString(bad)),
+    const StreamEvents events = step(streamer, all);
+    ASSERT_EQ(events.errors.size(), 1u);
+    EXPECT_EQ(events.errors[0].code, ErrorCode::kBadData);
+    EXPECT_EQ(events.errors[0].what.find("chunk " + toString(bad) + " is left out: " + path() +
+                                         ": instances " + toString(bad)),
               0u)
-        << events.value().errors[0].what;
-    ASSERT_NO_FATAL_FAILURE(model.apply(events.value()));
+        << events.errors[0].what;
+    ASSERT_NO_FATAL_FAILURE(model.apply(events));
     ASSERT_NO_FATAL_FAILURE(model.agrees(streamer));
     EXPECT_EQ(streamer.residentChunks(), store_->chunks().size() - 1);
     EXPECT_FALSE(streamer.resident(bad));
+    ASSERT_EQ(streamer.lacking().size(), 1u);
+    EXPECT_TRUE(streamer.lacking()[0].absent);
+    EXPECT_EQ(store_->chunks()[streamer.lacking()[0].record].key, bad);
 
-    ASSERT_NO_FATAL_FAILURE(model.apply(streamer.advance(none, none).value()));
-    const Result<StreamEvents> again = streamer.advance(all, all);
-    ASSERT_TRUE(again);
-    EXPECT_TRUE(again.value().errors.empty()) << "not tried again";
+    ASSERT_NO_FATAL_FAILURE(model.apply(step(streamer, none)));
+    EXPECT_TRUE(step(streamer, all).errors.empty()) << "not tried again";
     EXPECT_EQ(streamer.residentChunks(), store_->chunks().size() - 1);
 }
 
 TEST_F(StreamerTest, ABadMeshKeepsItsChunksOut) {
     bakeAndOpen({.seed = 56, .chunksAside = 10, .meshes = 40, .instances = 4});
     cutInto("UPDATE blob SET checksum=checksum+1 WHERE kind=4 AND (x=3 OR x=17)");
-    Streamer streamer(*store_, kPlenty);
+    Streamer streamer(*store_, {});
     Model model(*store_);
     std::set<ChunkKey> left, spoiled;
     for (const ChunkRecord& r : store_->chunks())
@@ -289,21 +376,20 @@ TEST_F(StreamerTest, ABadMeshKeepsItsChunksOut) {
     ASSERT_FALSE(spoiled.empty());
     std::mt19937 rng(57);
     std::uniform_real_distribution<double> place(-64, 256);
-    for (int step = 0; step < 200; ++step) {
+    for (int s = 0; s < 200; ++s) {
         const glm::dvec3 p(place(rng), 0, place(rng));
-        const auto want = around(p, 60), keep = around(p, 80);
-        const Result<StreamEvents> events = streamer.advance(want, keep);
-        ASSERT_TRUE(events);
-        for (const Error& e : events.value().errors) {
+        const Wants wants = around(p, 60, 80);
+        const StreamEvents events = step(streamer, wants);
+        for (const Error& e : events.errors) {
             EXPECT_NE(e.what.find("is left out: "), std::string::npos) << e.what;
             EXPECT_TRUE(e.what.find("mesh 3 level") != std::string::npos ||
                         e.what.find("mesh 17 level") != std::string::npos)
                 << e.what;
         }
-        ASSERT_NO_FATAL_FAILURE(model.apply(events.value())) << "step " << step;
-        ASSERT_NO_FATAL_FAILURE(model.agrees(streamer)) << "step " << step;
+        ASSERT_NO_FATAL_FAILURE(model.apply(events)) << "step " << s;
+        ASSERT_NO_FATAL_FAILURE(model.agrees(streamer)) << "step " << s;
         for (const ChunkRecord& r : store_->chunks())
-            if (want(r.bounds)) {
+            if (const auto want = wants(r.bounds); want && want->due == 0) {
                 EXPECT_EQ(streamer.resident(r.key), !spoiled.contains(r.key));
                 if (spoiled.contains(r.key)) left.insert(r.key);
             }
@@ -316,31 +402,205 @@ TEST_F(StreamerTest, ABadMeshKeepsItsChunksOut) {
 
 TEST_F(StreamerTest, PinsStay) {
     bakeAndOpen({.seed = 58, .chunksAside = 6, .meshes = 10});
-    const auto all = [](const Box&) { return true; };
-    const auto none = [](const Box&) { return false; };
-    Streamer streamer(*store_, kPlenty);
+    Streamer streamer(*store_, {});
     Model model(*store_);
     ASSERT_TRUE(streamer.pin(2));
     ASSERT_TRUE(streamer.pin(2));
     model.pinned = {2};
     ASSERT_NO_FATAL_FAILURE(model.agrees(streamer));
-    const Result<StreamEvents> in = streamer.advance(all, all);
-    EXPECT_FALSE(std::count(in.value().meshArrivals.begin(), in.value().meshArrivals.end(), 2u));
-    ASSERT_NO_FATAL_FAILURE(model.apply(in.value()));
+    const StreamEvents in = step(streamer, all);
+    EXPECT_FALSE(std::count(in.meshArrivals.begin(), in.meshArrivals.end(), 2u));
+    ASSERT_NO_FATAL_FAILURE(model.apply(in));
     ASSERT_TRUE(streamer.pin(5));
     model.pinned.insert(5);
     ASSERT_NO_FATAL_FAILURE(model.agrees(streamer));
-    const Result<StreamEvents> out = streamer.advance(none, none);
+    const StreamEvents out = step(streamer, none);
     for (const uint32_t id : {2u, 5u})
-        EXPECT_FALSE(std::count(out.value().meshDepartures.begin(), out.value().meshDepartures.end(), id));
+        EXPECT_FALSE(std::count(out.meshDepartures.begin(), out.meshDepartures.end(), id));
     EXPECT_EQ(streamer.residentChunks(), 0u);
     EXPECT_FALSE(streamer.mesh(2).levels.empty());
     EXPECT_FALSE(streamer.mesh(5).levels.empty());
 
     EXPECT_EQ(streamer.pin(1000).error().code, ErrorCode::kNotFound);
-    Streamer poor(*store_, 10);
-    EXPECT_EQ(poor.pin(0).error().code, ErrorCode::kLimit);
+    StreamerConfig config;
+    config.memoryBytes = 10;
+    Streamer poor(*store_, config);
+    const Result<Done> refused = poor.pin(0);
+    ASSERT_FALSE(refused);
+    EXPECT_EQ(refused.error().code, ErrorCode::kLimit);
+    EXPECT_NE(refused.error().what.find("--memory-budget"), std::string::npos);
     EXPECT_EQ(poor.residentBytes(), 0u);
+}
+
+/// What a drive under the virtual clock did, step by step, and what it did in all.
+struct Drive {
+    std::string log;
+    uint64_t errors = 0, read = 0, again = 0, lacks = 0, refined = 0, uploaded = 0;
+    std::set<ChunkKey> there;
+};
+
+Drive drive(const WorldStore& store, const StreamerConfig& config, int steps, int rest) {
+    Drive d;
+    Streamer streamer(store, config);
+    Model model(store);
+    for (int s = 0; s < steps + rest; ++s) {
+        const double now = s / 30.0;
+        const glm::dvec3 p(-64 + 2.0 * std::min(s, steps), 0, 60);
+        if (s % 4 == 0 && s <= steps) streamer.want(around(p, 60, 90), now);
+        const StreamEvents events = streamer.advance(now);
+        for (const auto& chunk : events.arrivals) d.refined += model.chunks.contains(chunk->key);
+        const uint64_t before = streamer.geometryBytes();
+        model.apply(events);
+        model.agrees(streamer);
+        d.errors += events.errors.size();
+        d.read += events.bytesRead;
+        d.again += events.bytesAgain;
+        d.lacks += streamer.lacking().size();
+        d.uploaded = std::max(d.uploaded, before);
+        for (const auto& chunk : events.arrivals) d.log += " in " + toString(chunk->key) + std::to_string(chunk->firstLevel);
+        for (const ChunkKey key : events.departures) d.log += " out " + toString(key);
+        d.log += " read " + std::to_string(events.bytesRead);
+    }
+    EXPECT_TRUE(streamer.settled());
+    for (const auto& entry : model.chunks) d.there.insert(entry.first);
+    return d;
+}
+
+TEST_F(StreamerTest, TheVirtualDiskIsLateTheSameWayEveryTime) {
+    bakeAndOpen({.seed = 62, .chunksAside = 10, .meshes = 30});
+    StreamerConfig lockStep, slow;
+    slow.clock = Clock::kVirtual;
+    slow.disk.latency = 0.1;
+    const Drive there = drive(*store_, lockStep, 120, 90);
+    EXPECT_EQ(there.lacks, 0u);
+    std::vector<Drive> drives;
+    for (const size_t threads : {1, 2, 5}) {
+        const tbb::global_control control(tbb::global_control::max_allowed_parallelism, threads);
+        drives.push_back(drive(*store_, slow, 120, 90));
+    }
+    EXPECT_EQ(drives[0].log, drives[1].log);
+    EXPECT_EQ(drives[0].log, drives[2].log);
+    EXPECT_GT(drives[0].lacks, 0u);
+    EXPECT_GT(drives[0].refined, 3u) << "coarse levels come first";
+    EXPECT_EQ(drives[0].there, there.there) << "once the eye rests all that is wanted is there";
+    slow.disk.seed = 2;
+    EXPECT_NE(drive(*store_, slow, 120, 90).log, drives[0].log);
+
+    StreamerConfig quick = slow;
+    quick.disk.latency = 0.001;
+    EXPECT_LT(drive(*store_, quick, 120, 90).lacks, drives[0].lacks / 2);
+
+    StreamerConfig stalls = quick;
+    stalls.disk.stallShare = 0.2;
+    stalls.disk.stallSeconds = 0.5;
+    const Drive stalled = drive(*store_, stalls, 120, 120);
+    EXPECT_GT(stalled.lacks, drive(*store_, quick, 120, 90).lacks);
+    EXPECT_EQ(stalled.there, there.there);
+}
+
+TEST_F(StreamerTest, FailedReadsAreTriedAgainAndCorruptChunksAreNot) {
+    bakeAndOpen({.seed = 62, .chunksAside = 10, .meshes = 30});
+    StreamerConfig config;
+    config.clock = Clock::kVirtual;
+    const Drive sound = drive(*store_, config, 120, 90);
+    config.disk.failShare = 0.2;
+    const Drive failing = drive(*store_, config, 120, 300);
+    EXPECT_EQ(failing.errors, 0u);
+    EXPECT_EQ(failing.there, sound.there);
+    EXPECT_GT(failing.lacks, sound.lacks);
+
+    config.disk.failShare = 0;
+    config.disk.corruptShare = 0.2;
+    const Drive corrupt = drive(*store_, config, 120, 90);
+    EXPECT_GT(corrupt.errors, 1u);
+    EXPECT_LT(corrupt.there.size(), sound.there.size());
+    for (const ChunkKey key : corrupt.there) EXPECT_TRUE(sound.there.contains(key));
+
+    config.disk.failShare = 1;
+    const Drive dead = drive(*store_, config, 120, 300);
+    EXPECT_TRUE(dead.there.empty());
+    EXPECT_GT(dead.errors, 1u) << "it is given up, and said";
+}
+
+TEST_F(StreamerTest, HandsOutNoMoreThanAFrameMayUpload) {
+    bakeAndOpen({.seed = 63, .chunksAside = 10, .meshes = 30});
+    StreamerConfig config;
+    config.clock = Clock::kVirtual;
+    config.handOutBytes = 1;
+    Streamer streamer(*store_, config);
+    streamer.want(all, 0);
+    size_t most = 0;
+    for (int s = 0; s < 600 && !(s > 0 && streamer.settled()); ++s)
+        most = std::max(most, streamer.advance(s / 30.0).arrivals.size());
+    EXPECT_EQ(most, 1u);
+    EXPECT_TRUE(streamer.lacking().empty());
+    EXPECT_EQ(streamer.residentChunks(), store_->chunks().size());
+}
+
+TEST_F(StreamerTest, TheLiveClockNeitherWaitsNorLoses) {
+    bakeAndOpen({.seed = 64, .chunksAside = 10, .meshes = 30});
+    StreamerConfig config;
+    config.clock = Clock::kLive;
+    for (int run = 0; run < 5; ++run) {
+        Streamer streamer(*store_, config);
+        Model model(*store_);
+        std::mt19937 rng(65);
+        std::uniform_real_distribution<double> place(-64, 256);
+        for (int s = 0; s < 300; ++s) {
+            if (s % 10 == 0) streamer.want(around({place(rng), 0, place(rng)}, 60, 80), s);
+            ASSERT_NO_FATAL_FAILURE(model.apply(streamer.advance(s)));
+            ASSERT_NO_FATAL_FAILURE(model.agrees(streamer));
+        }
+        if (run == 4) break;  // the last one ends amid its reads
+        streamer.want(all, 300);
+        for (double now = 300; now < 400000 && (!streamer.settled() || now == 300); ++now) {
+            ASSERT_NO_FATAL_FAILURE(model.apply(streamer.advance(now)));
+            std::this_thread::yield();
+        }
+        ASSERT_NO_FATAL_FAILURE(model.agrees(streamer));
+        EXPECT_TRUE(streamer.lacking().empty());
+    }
+}
+
+TEST_F(StreamerTest, ARefusedChunkIsAsBeforeAndComesWhenThereIsRoom) {
+    bakeAndOpen({.seed = 66, .chunksAside = 10, .meshes = 30});
+    Streamer streamer(*store_, {});
+    const Wants here = around({0, 0, 0}, 80, 80);
+    const StreamEvents events = step(streamer, here);
+    ASSERT_GT(events.arrivals.size(), 3u);
+    const auto withTerrain = std::find_if(events.arrivals.begin(), events.arrivals.end(),
+                                          [](const auto& chunk) { return !chunk->terrain.levels.empty(); });
+    ASSERT_NE(withTerrain, events.arrivals.end());
+    const ChunkKey refused = (*withTerrain)->key;
+    streamer.refuse(refused, nullptr, 0);
+    EXPECT_FALSE(streamer.resident(refused));
+    ASSERT_EQ(streamer.lacking().size(), 1u);
+    const uint64_t room = streamer.geometryBytes();
+    (void)step(streamer, here);
+    EXPECT_LE(streamer.geometryBytes(), room);
+    EXPECT_FALSE(streamer.lacking().empty());
+    const StreamEvents after = step(streamer, around({0, 0, 0}, 40, 40));
+    EXPECT_FALSE(after.departures.empty());
+    (void)step(streamer, here);
+    EXPECT_TRUE(streamer.resident(refused));
+    EXPECT_TRUE(streamer.lacking().empty());
+}
+
+TEST(DiskModel, RefusesNumbersOutOfRange) {
+    EXPECT_TRUE(requireDisk({}));
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    for (const double bad : {-1.0, nan, std::numeric_limits<double>::infinity()}) {
+        DiskModel latency, stall, bandwidth, share, spread;
+        latency.latency = stall.stallSeconds = bandwidth.bandwidth = share.failShare = spread.spread = bad;
+        for (const DiskModel& disk : {latency, stall, bandwidth, share, spread}) {
+            const auto done = requireDisk(disk);
+            ASSERT_FALSE(done);
+            EXPECT_EQ(done.error().code, ErrorCode::kUsage);
+        }
+    }
+    DiskModel channels;
+    channels.channels = 0;
+    EXPECT_FALSE(requireDisk(channels));
 }
 
 }  // namespace

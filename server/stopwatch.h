@@ -1,0 +1,18 @@
+// server/stopwatch.h — wall time of a stage.
+#pragma once
+
+#include <chrono>
+
+namespace server {
+
+class Stopwatch {
+public:
+    double ms() const {
+        return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start_).count();
+    }
+
+private:
+    std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+}  // namespace server
