@@ -11,6 +11,7 @@
 #include "tools/bench_report.h"
 #include "tools/bench_run.h"
 #include "tools/bench_sizes.h"
+#include "tools/bench_streaming.h"
 #include "tools/options.h"
 #include "tools/summary.h"
 #include "tools/yardstick.h"
@@ -30,13 +31,13 @@ using world::Result;
 
 struct BenchOptions {
     std::string world, path, sizes, work;
-    bool yardstick = false, culling = false, occlusion = false;
+    bool yardstick = false, culling = false, occlusion = false, streaming = false;
     size_t frames = 900, redraws = 20;
 };
 
 constexpr double kYardstickMs = 2;  ///< of the goal
 constexpr uint32_t kYardstickSeed = 7;
-constexpr int kCullingRounds = 7;
+constexpr int kCullingRounds = 7, kStreamingRounds = 5;
 
 /// Plays the motions, then prints machine, world and tables; what they cost.
 Result<std::vector<MotionCost>> measure(const world::WorldStore& store, const std::vector<Motion>& motions,
@@ -96,6 +97,16 @@ Result<Done> benchWorld(const BenchOptions& options) {
     return Done{};
 }
 
+Result<Done> benchStreaming(const BenchOptions& options) {
+    const auto store = world::WorldStore::open(options.world);
+    if (!store) return store.error();
+    const auto cost = measureStreaming(store.value(), kStreamingRounds);
+    if (!cost) return cost.error();
+    std::printf("%s\n%s\n%s", worldText(store.value()).c_str(), streamingText(cost.value()).c_str(),
+                goalText({streamingGoal(cost.value())}).c_str());
+    return Done{};
+}
+
 Result<Done> benchSearch(const BenchOptions& options) {
     const auto store = world::WorldStore::open(options.world);
     if (!store) return store.error();
@@ -150,12 +161,14 @@ Result<Done> run(const BenchOptions& options) {
     const int tasks = int(!options.world.empty()) + int(options.yardstick) + int(!options.sizes.empty());
     if (tasks != 1)
         return Error{ErrorCode::kUsage, "give one of a world, --yardstick and --sizes; --help explains"};
-    if ((!options.path.empty() || options.culling || options.occlusion) && options.world.empty())
-        return Error{ErrorCode::kUsage, "--path, --culling, --occlusion: only with a world; leave them out"};
-    if (options.culling && options.occlusion)
-        return Error{ErrorCode::kUsage, "give one of --culling and --occlusion"};
+    const int parts = int(options.culling) + int(options.occlusion) + int(options.streaming);
+    if ((!options.path.empty() || parts > 0) && options.world.empty())
+        return Error{ErrorCode::kUsage,
+                     "--path, --culling, --occlusion, --streaming: only with a world; leave them out"};
+    if (parts > 1) return Error{ErrorCode::kUsage, "give one of --culling, --occlusion and --streaming"};
     if (options.yardstick) return benchYardstick(options);
     if (options.occlusion) return benchSearch(options);
+    if (options.streaming) return benchStreaming(options);
     if (options.sizes.empty()) return benchWorld(options);
     const auto sizes = parseSizes(options.sizes);
     if (!sizes) return sizes.error();
@@ -177,6 +190,7 @@ int main(int argc, char** argv) {
     app.add_flag("--yardstick", options.yardstick, "a fixed scene of 10,000 boxes on a large ground");
     app.add_flag("--culling", options.culling, "the queries behind the plans on their own, without a GPU");
     app.add_flag("--occlusion", options.occlusion, "the search for hidden clusters on its own, beside bare Embree");
+    app.add_flag("--streaming", options.streaming, "the streamer on its own, beside a bare loop of reads");
     app.add_option("--sizes", options.sizes, "N,N,...: the built-in world with so many instances each");
     app.add_option("--work", options.work, "folder that keeps the worlds of --sizes");
     app.add_option("--frames", options.frames, "most frames of a motion")->check(CLI::Range(1, 1'000'000));

@@ -7,6 +7,7 @@
 #include "tools/options.h"
 #include "tools/replay_command.h"
 #include "tools/soak_command.h"
+#include "tools/stress_command.h"
 
 int main(int argc, char** argv) {
     CLI::App app("Gnomon: cached shadow maps for streaming open worlds", "gnomon");
@@ -15,7 +16,8 @@ int main(int argc, char** argv) {
         return "gnomon: " + std::string(error.what()) + "; --help lists the options\n";
     });
     const tools::Command commands[] = {tools::addBakeCommand(app), tools::addInfoCommand(app),
-                                       tools::addReplayCommand(app), tools::addSoakCommand(app)};
+                                       tools::addReplayCommand(app), tools::addSoakCommand(app),
+                                       tools::addStressCommand(app)};
     try {
         app.parse(argc, argv);
     } catch (const CLI::ParseError& error) {
