@@ -4,17 +4,20 @@
 #include <algorithm>
 #include <cmath>
 
+#include "world/band_samples.h"
+
 namespace world {
 
 float Band::probe(glm::vec3 p) const {
-    const glm::vec3 q = glm::clamp((p - low) / float(step), glm::vec3(0), glm::vec3(count - 1) - 1e-3f);
-    const glm::ivec3 i(q);
-    const glm::vec3 f = q - glm::vec3(i);
+    const glm::vec3 q = (p - low) / float(step);
+    const glm::ivec3 first(0, bottom, 0);
+    const glm::ivec3 i = glm::clamp(glm::ivec3(glm::floor(q)), first, first + count - 2);
+    const glm::vec3 f = glm::clamp(q - glm::vec3(i), 0.0f, 1.0f);
     float sum = 0;
     for (int c = 0; c < 8; ++c) {
         const int dx = c >> 2, dy = (c >> 1) & 1, dz = c & 1;
         sum += (dx ? f.x : 1 - f.x) * (dy ? f.y : 1 - f.y) * (dz ? f.z : 1 - f.z) *
-               at(i.x + dx, i.y + dy, i.z + dz);
+               at(i.x + dx, i.y - bottom + dy, i.z + dz);
     }
     return sum;
 }
@@ -27,42 +30,22 @@ glm::vec3 Band::normal(glm::vec3 p) const {
 }
 
 Band unpack(const LevelSet& set) {
+    // Whole leaves of the coarse lattice too: where the surface is cut into leaves never depends on how far it reaches.
+    constexpr int64_t kTwoLeaves = 2 * kLeafSide;
+    BandSamples samples = samplesOf(set, set.leaves.front().origin.y, set.leaves.front().origin.y + 1);
+    const int64_t spare = ((samples.firstY % kTwoLeaves) + kTwoLeaves) % kTwoLeaves;
     Band band;
-    const int32_t samples = bandSamples(set.side);
-    int32_t low = set.leaves.front().origin.y, high = low;
-    for (const LevelSetLeaf& leaf : set.leaves) {
-        low = std::min(low, leaf.origin.y);
-        high = std::max(high, leaf.origin.y + kLeafSide);
-    }
-    // A leaf of solid below and of air above, so that the box's own ends are never a surface.
-    low -= kLeafSide;
-    high += kLeafSide;
-    band.count = {samples, high - low, samples};
-    band.low = glm::vec3(-kBandMargin, low, -kBandMargin) + 0.5f;
-    constexpr float kUnset = 1e30f;
-    band.values.assign(static_cast<size_t>(int64_t{samples} * samples * (high - low)), kUnset);
-    for (const LevelSetLeaf& leaf : set.leaves) {
-        const glm::ivec3 o = leaf.origin - glm::ivec3(-kBandMargin, low, -kBandMargin);
-        for (int i = 0; i < kLeafSamples; ++i) {
-            const int16_t v = leaf.values[static_cast<size_t>(i)];
-            band.values[band.index(o.x + (i >> 6), o.y + ((i >> 3) & 7), o.z + (i & 7))] =
-                v == kVoidSample ? NAN : float(v) * (float(kBandVoxels) / float(kBandUnits));
-        }
-    }
-    for (int x = 0; x < samples; ++x) {
-        for (int z = 0; z < samples; ++z) {
-            const auto at = [&](int y) -> float& { return band.values[band.index(x, y, z)]; };
-            int first = 0;
-            while (first < band.count.y && at(first) == kUnset) ++first;
-            float fill = first < band.count.y ? at(first) : NAN;
+    band.count = {samples.side, samples.height + spare, samples.side};
+    band.bottom = static_cast<int>(samples.firstY - spare);
+    band.low = glm::vec3(0.5f - kBandMargin, 0.5f, 0.5f - kBandMargin);
+    band.values.resize(static_cast<size_t>(int64_t{band.count.x} * band.count.y * band.count.z));
+    for (int x = 0; x < band.count.x; ++x) {
+        for (int z = 0; z < band.count.z; ++z) {
             for (int y = 0; y < band.count.y; ++y) {
-                if (at(y) != kUnset) {
-                    fill = at(y);
-                } else if (!std::isnan(fill)) {
-                    at(y) = std::copysign(float(kBandVoxels), fill);
-                } else {
-                    at(y) = fill;
-                }
+                const auto from = std::max(y - static_cast<int>(spare), 0);
+                const int16_t v = samples.values[samples.index(x, from, z)];
+                band.values[band.index(x, y, z)] =
+                    v == kVoidSample ? NAN : float(v) * (float(kBandVoxels) / float(kBandUnits));
             }
         }
     }
@@ -73,6 +56,7 @@ Band halved(const Band& fine) {
     Band band;
     band.step = 2 * fine.step;
     band.count = fine.count / 2;
+    band.bottom = fine.bottom / 2;
     band.low = fine.low + 0.5f * float(fine.step);
     band.values.resize(static_cast<size_t>(int64_t{band.count.x} * band.count.y * band.count.z));
     for (int x = 0; x < band.count.x; ++x) {

@@ -8,11 +8,14 @@
 
 namespace world {
 
-/// The band as a box of samples. Positions are in voxels of the chunk's frame.
+/// The band as a box of samples. Positions are in voxels of the chunk's frame. Sample (x, y, z) lies at
+/// low + step * (x, bottom + y, z): `low` is the same for all boxes of a step, so that what is computed of a
+/// place does not depend on how far a box reaches.
 struct Band {
     int step = 1;               ///< voxels between samples
     glm::ivec3 count{0};
-    glm::vec3 low{0};           ///< position of sample (0, 0, 0)
+    int bottom = 0;             ///< height of the lowest sample, a whole number of leaves [steps]
+    glm::vec3 low{0};
     std::vector<float> values;  ///< voxels of distance, positive in air; NaN throughout void columns
 
     size_t index(int x, int y, int z) const {
@@ -27,7 +30,7 @@ struct Band {
 };
 
 /// All samples of a set that has leaves; samples of absent leaves take the sign of the next sample
-/// below, or above. The lowest and highest layers are of one sign each where the set is a terrain.
+/// below, or above. A leaf at the bottom and one at the top are of one sign each where the set is a terrain.
 Band unpack(const LevelSet& set);
 
 /// The same band at twice the step: means of 2^3 samples, which keeps a flat surface where it is.

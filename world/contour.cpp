@@ -64,7 +64,7 @@ MeshLevel contour(const Band& band, const Columns& columns, float adaptivity, do
                         for (int k = from.z; k < to.z; ++k) (band.at(i, j, k) <= 0 ? solid : air) = true;
                     }
                 }
-                const openvdb::Coord origin(x, y, z);
+                const openvdb::Coord origin(x, band.bottom + y, z);
                 if (!(air && solid)) {
                     grid.tree().addTile(1, origin, solid ? -float(kBandVoxels) : float(kBandVoxels), false);
                     continue;

@@ -124,8 +124,7 @@ Mesh meshLevelSet(const LevelSet& set) {
         mesh.levels.push_back(std::move(level));
     }
 
-    const float depth = mesh.levels.back().error + cap;
-    for (MeshLevel& level : mesh.levels) addSkirts(level, fine, depth, voxel);
+    for (MeshLevel& level : mesh.levels) addSkirts(level, fine, 2 * cap, voxel);
     for (const glm::vec3& p : mesh.levels[0].positions) mesh.bounds.add(glm::dvec3(p));
     return mesh;
 }

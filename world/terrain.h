@@ -20,9 +20,12 @@ namespace world {
 /// column. No error reaches kBandVoxels voxels.
 ///
 /// Cracks: every level covers its column and about two voxels more (one at least), and from its open
-/// rim a skirt goes against the surface's normal into the solid, as deep as the chunk's largest error
-/// plus the kBandVoxels voxels that a neighbour's may reach, or until the solid ends. The surface ends,
-/// with such a skirt, one sample before a void.
+/// rim a skirt goes against the surface's normal into the solid, 2 * kBandVoxels voxels deep, since its own error
+/// and a neighbour's stay below kBandVoxels each, or until the solid ends. The surface ends, with such a skirt, one
+/// sample before a void.
+///
+/// Every bit of a triangle depends on the samples near it alone: those of its leaf on the level's lattice and around
+/// it, and those that its skirt passes. An edit leaves the others as they were, where the level stays.
 ///
 /// Triangles are counter-clockwise seen from the air. The same level set gives the same mesh on any
 /// number of threads.

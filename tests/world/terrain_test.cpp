@@ -6,9 +6,8 @@
 
 #include <limits>
 #include <map>
-#include <optional>
-#include <random>
 
+#include "tests/world/cracks.h"
 #include "tests/world/terrain_fields.h"
 #include "world/band.h"
 #include "world/contour.h"
@@ -142,7 +141,7 @@ TEST(Terrain, IsClosedButForTheRim) {
             // Skirts start at least half a voxel outside, and turn inwards by at most their depth.
             const glm::vec3 p = level.positions[edge.first];
             const float inside = std::min({p.x, p.z, float(kEdge) - p.x, float(kEdge) - p.z});
-            ASSERT_LT(inside, chunk.mesh.levels.back().error + kBandVoxels * kVoxel);
+            ASSERT_LT(inside, 2 * kBandVoxels * kVoxel);
             // A skirt that meets the far side of thin solid ends within half a voxel of it.
             ASSERT_LT(test::hillsWithCave(p), 0.5 * kVoxel) << "an open edge that is no skirt's bottom";
         }
@@ -152,7 +151,7 @@ TEST(Terrain, IsClosedButForTheRim) {
 TEST(Terrain, NeighboursKnowTheSameSamples) {
     const Band a = unpack(sampleLevelSet(hills(), {0, 0, 0}, kSide, kVoxel).value());
     const Band b = unpack(sampleLevelSet(hills(), {1, 0, 0}, kSide, kVoxel).value());
-    const int dy = static_cast<int>(b.low.y - a.low.y);
+    const int dy = b.bottom - a.bottom;
     for (int x = kSide; x < a.count.x; ++x) {
         for (int z = 0; z < a.count.z; ++z) {
             for (int y = 0; y < a.count.y; ++y) {
@@ -215,181 +214,29 @@ TEST(Terrain, RefusesASurfaceThatIsTooTall) {
     EXPECT_NE(made.error().what.find("chunk (3,0,4)"), std::string::npos);
 }
 
-// ---- cracks ----
-
-struct Triangle {
-    glm::dvec3 a, b, c;
-};
-
-enum class Cut { kNothing, kSkirts, kSkirtsAndOverlap };
-
-/// Chunk i of (0..1, 0, 0..1) at level i + shift of those it has, less what is cut. Every other one is
-/// lowered by `sink` [m]: as if its error were that large there.
-std::vector<Triangle> quilt(const std::vector<TerrainChunk>& chunks, size_t shift, Cut cut, double sink = 0) {
-    std::vector<Triangle> out;
-    for (size_t n = 0; n < chunks.size(); ++n) {
-        const Mesh& mesh = chunks[n].mesh;
-        const MeshLevel& level = mesh.levels[(n + shift) % mesh.levels.size()];
-        const glm::dvec3 origin(double(n % 2) * kEdge, 0, double(n / 2) * kEdge);
-        const glm::dvec3 shown = origin - glm::dvec3(0, n % 2 == n / 2 ? 0 : sink, 0);
-        const double skirt = level.error + kVoxel;  // what lies deeper hangs from a skirt
-        for (size_t i = 0; i < level.indices.size(); i += 3) {
-            const glm::vec3 a = level.positions[level.indices[i]], b = level.positions[level.indices[i + 1]],
-                            c = level.positions[level.indices[i + 2]];
-            const auto deep = [&](glm::vec3 p) {
-                return test::hillsWithCave(origin + glm::dvec3(p)) < -skirt;
-            };
-            if (cut != Cut::kNothing && (deep(a) || deep(b) || deep(c))) continue;
-            // Skirts and overlap both begin outside the column.
-            if (cut == Cut::kSkirtsAndOverlap && !(overColumn(a) && overColumn(b) && overColumn(c))) continue;
-            out.push_back({glm::dvec3(a) + shown, glm::dvec3(b) + shown, glm::dvec3(c) + shown});
-        }
-    }
-    return out;
-}
-
-/// Distance along the ray, infinite for a miss; both sides count.
-double hitAt(const Triangle& triangle, glm::dvec3 from, glm::dvec3 dir) {
-    constexpr double kMiss = std::numeric_limits<double>::infinity();
-    const glm::dvec3 ab = triangle.b - triangle.a, ac = triangle.c - triangle.a, p = glm::cross(dir, ac);
-    const double det = glm::dot(ab, p);
-    if (det == 0) return kMiss;
-    const glm::dvec3 o = from - triangle.a, q = glm::cross(o, ab);
-    const double along = glm::dot(o, p) / det, across = glm::dot(dir, q) / det;
-    if (along < 0 || across < 0 || along + across > 1) return kMiss;
-    const double t = glm::dot(ac, q) / det;
-    return t > 0 ? t : kMiss;
-}
-
-/// Triangles seen along one direction: each with its bounds across it, which most rays miss.
-struct Beam {
-    glm::dvec3 dir, u, v;
-    struct Seen {
-        Triangle t;
-        glm::dvec2 low, high;
-    };
-    std::vector<Seen> seen;
-
-    Beam(const std::vector<Triangle>& triangles, glm::dvec3 along) : dir(along) {
-        u = glm::normalize(glm::cross(dir, glm::dvec3(0.31, 0.2, 0.93)));
-        v = glm::cross(dir, u);
-        for (const Triangle& t : triangles) {
-            const glm::dvec2 a = flat(t.a), b = flat(t.b), c = flat(t.c);
-            seen.push_back({t, glm::min(a, glm::min(b, c)), glm::max(a, glm::max(b, c))});
-        }
-    }
-    glm::dvec2 flat(glm::dvec3 p) const { return {glm::dot(p, u), glm::dot(p, v)}; }
-
-    double firstHit(glm::dvec3 from) const {
-        const glm::dvec2 at = flat(from);
-        double first = std::numeric_limits<double>::infinity();
-        for (const Seen& s : seen) {
-            if (at.x < s.low.x || at.x > s.high.x || at.y < s.low.y || at.y > s.high.y) continue;
-            first = std::min(first, hitAt(s.t, from, dir));
-        }
-        return first;
-    }
-};
-
-struct Ray {
-    glm::dvec3 from;
-    double deep;  ///< where it is `bound` below the formula's surface
-};
-
-/// The ray through `target` from as far back towards the sun as the quilt goes, if it starts in the
-/// air and gets deep inside the quilt.
-std::optional<Ray> rayThrough(glm::dvec3 target, glm::dvec3 dir, double bound) {
-    const auto over = [](glm::dvec3 p) {
-        return p.x > 4 && p.z > 4 && p.x < 2 * kEdge - 4 && p.z < 2 * kEdge - 4 && std::abs(p.y) < 50;
-    };
-    double back = 0;
-    while (over(target - dir * (back + 0.5))) back += 0.5;
-    const glm::dvec3 from = target - dir * back;
-    if (test::hillsWithCave(from) < bound) return {};
-    for (double t = 0; over(from + dir * t); t += 0.1) {
-        if (test::hillsWithCave(from + dir * t) < -bound) return Ray{from, t};
-    }
-    return {};
-}
-
-/// Near the quilt's seams and its surface, where the gaps between the sheets are.
-glm::dvec3 randomTarget(std::mt19937& rng, double bound) {
-    std::uniform_real_distribution<double> along(8, 2 * kEdge - 8), across(-6, 6), height(-25, 25);
-    for (;;) {
-        glm::dvec3 p(kEdge + across(rng), height(rng), along(rng));
-        if (rng() % 2) std::swap(p.x, p.z);
-        if (std::abs(test::hillsWithCave(p)) < bound) return p;
-    }
-}
-
-/// Rays that get deeper than `bound` [m] into the formula's solid before they meet a triangle.
-int leaks(const std::vector<Triangle>& triangles, double bound, int& rays) {
-    std::mt19937 rng(11);
-    int found = 0;
-    rays = 0;
-    for (const double elevation : {90.0, 45.0, 5.0}) {
-        for (const double azimuth : {20.0, 110.0, 245.0}) {
-            const double e = glm::radians(elevation), a = glm::radians(azimuth);
-            const glm::dvec3 dir(std::cos(e) * std::cos(a), -std::sin(e), std::cos(e) * std::sin(a));
-            const Beam beam(triangles, dir);
-            for (int n = 0; n < 1000; ++n) {
-                const auto ray = rayThrough(randomTarget(rng, bound), dir, bound);
-                if (!ray) continue;
-                ++rays;
-                found += beam.firstHit(ray->from) > ray->deep;
-            }
-        }
-    }
-    return found;
-}
-
-/// The same with rays that graze the surface by 1 to 12 degrees across a seam: the only ones that fit
-/// between two sheets that overlap.
-int grazingLeaks(const std::vector<Triangle>& triangles, double bound, int& rays) {
-    std::mt19937 rng(12);
-    std::uniform_real_distribution<double> grazing(1, 12), around(0, 6.28);
-    int found = 0;
-    for (rays = 0; rays < 1500;) {
-        const glm::dvec3 target = randomTarget(rng, bound);
-        const auto f = [&](glm::dvec3 d) {
-            return test::hillsWithCave(target + d) - test::hillsWithCave(target - d);
-        };
-        const glm::dvec3 normal = glm::normalize(glm::dvec3(f({0.1, 0, 0}), f({0, 0.1, 0}), f({0, 0, 0.1})));
-        const double turn = around(rng), dip = glm::radians(grazing(rng));
-        const glm::dvec3 level = glm::cross(normal, glm::dvec3(std::cos(turn), 0, std::sin(turn)));
-        if (glm::length(level) < 0.3) continue;
-        const glm::dvec3 dir = glm::normalize(level) * std::cos(dip) - normal * std::sin(dip);
-        const auto ray = rayThrough(target, dir, bound);
-        if (!ray) continue;
-        ++rays;
-        double first = std::numeric_limits<double>::infinity();
-        for (const Triangle& t : triangles) first = std::min(first, hitAt(t, ray->from, dir));
-        found += first > ray->deep;
-    }
-    return found;
-}
-
 TEST(Terrain, LetsNoLightThroughBetweenLevels) {
+    using test::Cut, test::quilt, test::leaks, test::grazingLeaks;
+    const test::Ground ground{test::hillsWithCave, kEdge, kVoxel};
     float error = 0;
-    std::vector<TerrainChunk> chunks;
+    std::vector<Mesh> chunks;
     for (int i = 0; i < 4; ++i) {
-        chunks.push_back(chunkOf({i % 2, 0, i / 2}));
-        error = std::max(error, chunks.back().mesh.levels.back().error);
+        chunks.push_back(chunkOf({i % 2, 0, i / 2}).mesh);
+        error = std::max(error, chunks.back().levels.back().error);
     }
     int withoutSkirts = 0;
     for (size_t shift = 0; shift < 3; ++shift) {
         // What a coarse level may lie below the finest, and that below the formula (a voxel at creases).
         const double bound = error + kVoxel;
         int rays = 0;
-        EXPECT_EQ(leaks(quilt(chunks, shift, Cut::kNothing), bound, rays), 0) << "shift " << shift;
+        EXPECT_EQ(leaks(quilt(chunks, ground, shift, Cut::kNothing), ground, bound, rays), 0) << "shift " << shift;
         EXPECT_GT(rays, 4000);
         // The same rays find the cracks without skirts and overlap.
-        EXPECT_GT(leaks(quilt(chunks, shift, Cut::kSkirtsAndOverlap), bound, rays), 20) << "shift " << shift;
+        EXPECT_GT(leaks(quilt(chunks, ground, shift, Cut::kSkirtsAndOverlap), ground, bound, rays), 20) << "shift " << shift;
         // The worst that the errors allow: skirts close what overlap leaves open.
         const double sink = 0.9 * kBandVoxels * kVoxel;
-        EXPECT_EQ(grazingLeaks(quilt(chunks, shift, Cut::kNothing, sink), bound + sink, rays), 0)
+        EXPECT_EQ(grazingLeaks(quilt(chunks, ground, shift, Cut::kNothing, sink), ground, bound + sink, rays), 0)
             << "shift " << shift;
-        withoutSkirts += grazingLeaks(quilt(chunks, shift, Cut::kSkirts, sink), bound + sink, rays);
+        withoutSkirts += grazingLeaks(quilt(chunks, ground, shift, Cut::kSkirts, sink), ground, bound + sink, rays);
     }
     EXPECT_GT(withoutSkirts, 20);
 }
