@@ -29,21 +29,6 @@ Error failure(sqlite3* db, const std::string& file) {
     }
 }
 
-/// The path as an SQLite URI: what it would take for a query or an escape is escaped.
-std::string uriOf(const std::string& path) {
-    static constexpr char kHex[] = "0123456789abcdef";
-    std::string uri = "file://";
-    for (const char c : std::filesystem::absolute(path).string()) {
-        if (c == '%' || c == '?' || c == '#') {
-            const auto byte = static_cast<unsigned char>(c);
-            uri += {'%', kHex[byte >> 4], kHex[byte & 15]};
-        } else {
-            uri += c;
-        }
-    }
-    return uri;
-}
-
 }  // namespace
 
 void Statement::Finalize::operator()(sqlite3_stmt* s) const { sqlite3_finalize(s); }
@@ -90,10 +75,11 @@ std::span<const std::byte> Statement::bytes(int column) {
                 : std::span<const std::byte>();
 }
 
-Result<Database> Database::open(const std::string& file, const std::string& name, int flags) {
+Result<Database> Database::open(const std::string& file, int flags) {
     Database database;
     database.file_ = file;
     sqlite3* db = nullptr;
+    const std::string name = std::filesystem::absolute(file).string();
     const int code =
         sqlite3_open_v2(name.c_str(), &db, flags | SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_EXRESCODE, nullptr);
     database.db_.reset(db);
@@ -103,9 +89,9 @@ Result<Database> Database::open(const std::string& file, const std::string& name
 }
 
 Result<Database> Database::openReadOnly(const std::string& path) {
-    Result<Database> database =
-        open(path, uriOf(path) + "?immutable=1", SQLITE_OPEN_READONLY | SQLITE_OPEN_URI);
+    Result<Database> database = open(path, SQLITE_OPEN_READONLY);
     if (!database) return database;
+    database.value().waitAtMost(kPatienceMs);
     sqlite3_db_config(database.value().db_.get(), SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
     const Result<Done> set = database.value().run(
         "PRAGMA trusted_schema=0; PRAGMA cell_size_check=1; PRAGMA query_only=1; PRAGMA mmap_size=0");
@@ -114,7 +100,19 @@ Result<Database> Database::openReadOnly(const std::string& path) {
 }
 
 Result<Database> Database::openEmpty(const std::string& path) {
-    return open(path, std::filesystem::absolute(path).string(), SQLITE_OPEN_READWRITE);
+    return open(path, SQLITE_OPEN_READWRITE);
+}
+
+Result<Database> Database::openEditable(const std::string& path) {
+    Result<Database> database = open(path, SQLITE_OPEN_READWRITE);
+    if (!database) return database;
+    database.value().waitAtMost(kPatienceMs);
+    sqlite3_db_config(database.value().db_.get(), SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
+    // EXTRA: what was committed outlives a loss of power, too, with a rollback journal.
+    const Result<Done> set =
+        database.value().run("PRAGMA trusted_schema=0; PRAGMA cell_size_check=1; PRAGMA synchronous=EXTRA");
+    if (!set) return set.error();
+    return database;
 }
 
 Result<Done> Database::run(const std::string& sql) {
@@ -122,6 +120,21 @@ Result<Done> Database::run(const std::string& sql) {
         return failure(db_.get(), file_);
     return Done{};
 }
+
+Result<FileHead> Database::head() const {
+    sqlite3_file* file = nullptr;
+    FileHead head;
+    sqlite3_int64 size = 0;
+    int code = sqlite3_file_control(db_.get(), "main", SQLITE_FCNTL_FILE_POINTER, &file);
+    if (code == SQLITE_OK) code = file->pMethods->xFileSize(file, &size);
+    if (code == SQLITE_OK) code = file->pMethods->xRead(file, head.bytes.data(), int(head.bytes.size()), 0);
+    if (code != SQLITE_OK && code != SQLITE_IOERR_SHORT_READ)
+        return Error{ErrorCode::kIo, file_ + ": cannot be read: check its permissions and the disk", code};
+    head.size = static_cast<uint64_t>(size);
+    return head;
+}
+
+void Database::waitAtMost(int ms) { sqlite3_busy_timeout(db_.get(), ms); }
 
 Result<Statement> Database::prepare(const char* sql) {
     Statement statement;

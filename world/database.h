@@ -1,6 +1,7 @@
 // world/database.h — owner of an SQLite connection and its statements, as far as a world file needs them.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -46,17 +47,32 @@ private:
     std::string file_;
 };
 
-/// A connection; outlives its statements. One thread at a time.
+/// Readers hold a world for milliseconds, a commit for as long as the disk takes to sync.
+constexpr int kPatienceMs = 10000;
+
+/// What a file says of itself before it is taken for a database.
+struct FileHead {
+    std::array<unsigned char, 100> bytes{};  ///< its first ones; zeros where there are fewer
+    uint64_t size = 0;                       ///< of the whole file
+};
+
+/// A connection; outlives its statements. One thread at a time. Whatever reads a world that may be edited must read it
+/// through here: to close a file otherwise would give up this process's locks on it.
 class Database {
 public:
-    /// Read-only, and without a lock, journal or temporary file: nobody writes to a finished world.
-    /// Assumes that the file is hostile.
+    /// Read-only: creates nothing, and waits while an edit is written. Assumes that the file is hostile.
     static Result<Database> openReadOnly(const std::string& path);
+    /// To change a finished world.
+    static Result<Database> openEditable(const std::string& path);
     /// A file of the caller's: empty, or a database that it goes on writing.
     static Result<Database> openEmpty(const std::string& path);
 
     /// Runs statements that return nothing of interest.
     Result<Done> run(const std::string& sql);
+    /// As the file is now. kIo.
+    Result<FileHead> head() const;
+    /// How long a statement waits for another connection: kPatienceMs to begin with.
+    void waitAtMost(int ms);
     Result<Statement> prepare(const char* sql);
     /// The statements that made its tables and whatever else it has, in their order.
     Result<std::vector<std::string>> schema();
@@ -65,7 +81,7 @@ private:
     struct Close {
         void operator()(sqlite3* db) const;
     };
-    static Result<Database> open(const std::string& file, const std::string& name, int flags);
+    static Result<Database> open(const std::string& file, int flags);
     std::unique_ptr<sqlite3, Close> db_;
     std::string file_;  ///< for errors
 };

@@ -1,6 +1,5 @@
 #include "world/store.h"
 
-#include <sys/stat.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -14,26 +13,12 @@
 #include "world/blob.h"
 #include "world/codec.h"
 #include "world/database.h"
+#include "world/file_identity.h"
 #include "world/hash.h"
 #include "world/mesh_bounds.h"
 
 namespace world {
 namespace {
-
-/// Tells one file from another that took its name.
-struct FileIdentity {
-    dev_t device = 0;
-    ino_t inode = 0;
-    off_t bytes = 0;
-    int64_t seconds = 0, nanoseconds = 0;  ///< of the last change
-    friend bool operator==(const FileIdentity&, const FileIdentity&) = default;
-};
-
-std::optional<FileIdentity> identify(const std::string& path) {
-    struct stat s {};
-    if (::stat(path.c_str(), &s) != 0) return std::nullopt;
-    return FileIdentity{s.st_dev, s.st_ino, s.st_size, s.st_mtim.tv_sec, s.st_mtim.tv_nsec};
-}
 
 Error bad(const std::string& path, const std::string& what) {
     return {ErrorCode::kBadData, path + ": " + what};
@@ -44,6 +29,26 @@ Error newer(const std::string& path, uint32_t version) {
                          ", this one reads up to " + std::to_string(kWorldVersion) + "): update Gnomon");
 }
 
+/// Whether the levels of `base` are the coarsest of the record: not where an edit came between.
+bool isPartOf(const Chunk& base, const ChunkRecord& record) {
+    const size_t levels = base.terrain.levels.size();
+    if (base.firstLevel + levels != record.terrain.size()) return false;
+    for (size_t k = 0; k < levels; ++k)
+        if (recordOf(base.terrain.levels[k]) != record.terrain[base.firstLevel + k]) return false;
+    return true;
+}
+
+/// A journal beside the file is of an edit that is being written, or was cut short: SQLite waits for the one and takes
+/// back the other, if it may write.
+Result<Done> takeBack(const std::string& path) {
+    std::error_code problem;
+    if (!std::filesystem::exists(path + "-journal", problem)) return Done{};
+    Result<Database> database = Database::openEditable(path);
+    const Result<Done> read = database ? database.value().run("SELECT 1 FROM sqlite_schema") : database.error();
+    if (!read && read.error().code == ErrorCode::kIo) return read.error();
+    return Done{};  // what else is wrong is found by those who read it
+}
+
 /// Reads the file's first 100 bytes as SQLite defines them, before SQLite sees any of it: most files that
 /// are not ours, or not whole, are told apart here, in words that fit.
 /// Source: "Database File Format", sqlite.org, section 1.3.
@@ -52,18 +57,20 @@ Result<Done> screen(const std::string& path) {
     if (!std::filesystem::exists(path, problem)) return Error{ErrorCode::kNotFound, path + ": no such file; check the name"};
     if (!std::filesystem::is_regular_file(path, problem))
         return bad(path, "is not a file: name a world that 'bake' wrote");
-    const uint64_t size = std::filesystem::file_size(path, problem);
-    const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"), &std::fclose);
-    if (!file) return Error{ErrorCode::kIo, path + ": cannot be read: check its permissions"};
-    std::array<unsigned char, 100> head{};
-    const size_t got = std::fread(head.data(), 1, head.size(), file.get());
+    Result<Database> opened = Database::openReadOnly(path);
+    if (!opened) return Error{ErrorCode::kIo, path + ": cannot be read: check its permissions"};
+    Database& database = opened.value();
+    Result<FileHead> read = database.head();
+    if (!read) return read.error();
+    const auto& head = read.value().bytes;
     const auto at = [&head](size_t i) {
         return uint32_t{head[i]} << 24 | uint32_t{head[i + 1]} << 16 | uint32_t{head[i + 2]} << 8 |
                head[i + 3];
     };
+    const uint64_t got = std::min<uint64_t>(read.value().size, head.size());
     constexpr std::string_view kMagic("SQLite format 3\0", 16);
     if (got == 0) return bad(path, "is empty, not a world: bake it again");
-    const size_t known = std::min(got, kMagic.size());
+    const size_t known = std::min<size_t>(got, kMagic.size());
     if (std::string_view(reinterpret_cast<const char*>(head.data()), known) != kMagic.substr(0, known))
         return bad(path, "is not a world: name a file that 'bake' wrote");
     if (got < head.size()) return bad(path, "is truncated: copy or bake it again");
@@ -73,13 +80,27 @@ Result<Done> screen(const std::string& path) {
     if (at(60) < kWorldVersion)
         return bad(path, "is of version " + std::to_string(at(60)) + ", which this Gnomon does not read: bake it again");
     const uint32_t pageCode = uint32_t{head[16]} << 8 | head[17];
-    const uint64_t whole = uint64_t{pageCode == 1 ? 65536 : pageCode} * at(28);
+    const auto pages = [&] { return uint64_t{pageCode == 1 ? 65536 : pageCode} * at(28); };
+    if (read.value().size != pages()) {
+        // An edit may be at it: looked at again in a transaction, during which the file stays as it is.
+        const Result<Done> held = database.run("BEGIN; SELECT 1 FROM sqlite_schema");
+        read = database.head();
+        if (!read) return held ? read.error() : held.error();
+    }
+    const uint64_t size = read.value().size, whole = pages();
     if (size < whole)
         return bad(path, "is truncated, " + std::to_string(size) + " of " + std::to_string(whole) +
                              " bytes are there: copy or bake it again");
     if (size > whole)
         return bad(path, std::to_string(size - whole) + " bytes follow its end: copy or bake it again");
     return Done{};
+}
+
+/// Index of a chunk's record, or the number of records.
+size_t placeOf(std::span<const ChunkRecord> records, ChunkKey key) {
+    const auto at = std::lower_bound(records.begin(), records.end(), key,
+                                     [](const ChunkRecord& r, ChunkKey k) { return r.key < k; });
+    return at == records.end() || at->key != key ? records.size() : static_cast<size_t>(at - records.begin());
 }
 
 /// One thread's connection.
@@ -126,6 +147,8 @@ const char* toString(BlobKind kind) {
             return "terrain mesh";
         case BlobKind::kLevelSet:
             return "level set";
+        case BlobKind::kChunkRecord:
+            return "chunk record";
     }
     return "unknown kind";
 }
@@ -142,6 +165,9 @@ std::string toString(const BlobKey& key) {
             break;
         case BlobKind::kMesh:
             if (key.y == 0 && key.z == 0) return kind + " " + std::to_string(key.x) + lod;
+            break;
+        case BlobKind::kChunkRecord:
+            if (key.x == kRecordX) return kind + " " + toString(ChunkKey{key.y, key.lod, key.z});
             break;
         default:
             break;
@@ -188,35 +214,56 @@ struct WorldStore::Impl {
         return result;
     }
 
-    Result<std::vector<std::byte>> read(const BlobKey& key) {
-        return with<std::vector<std::byte>>([&](Reader& reader) -> Result<std::vector<std::byte>> {
-            Statement& one = reader.one;
-            const int64_t fields[] = {key.x, key.y, key.z, key.lod, static_cast<int64_t>(key.kind)};
-            for (int i = 0; i < 5; ++i) one.bind(i, fields[i]);
-            const Result<bool> row = one.step();
-            if (!row) return row.error();
-            if (!row.value()) {
-                one.reset();
-                return Error{ErrorCode::kNotFound, path + ": " + toString(key) + ": there is no such row"};
-            }
-            Result<std::vector<std::byte>> raw = unpackBlob(
-                key, one.integer(0), one.integer(1), static_cast<uint64_t>(one.integer(2)), one.bytes(3));
+    Result<std::vector<std::byte>> read(Reader& reader, const BlobKey& key) const {
+        Statement& one = reader.one;
+        const int64_t fields[] = {key.x, key.y, key.z, key.lod, static_cast<int64_t>(key.kind)};
+        for (int i = 0; i < 5; ++i) one.bind(i, fields[i]);
+        const Result<bool> row = one.step();
+        if (!row) return row.error();
+        if (!row.value()) {
             one.reset();
-            if (!raw) return fault(key, raw.error().what);
-            return raw;
-        });
+            return Error{ErrorCode::kNotFound, path + ": " + toString(key) + ": there is no such row"};
+        }
+        Result<std::vector<std::byte>> raw = unpackBlob(
+            key, one.integer(0), one.integer(1), static_cast<uint64_t>(one.integer(2)), one.bytes(3));
+        one.reset();
+        if (!raw) return fault(key, raw.error().what);
+        return raw;
+    }
+    Result<std::vector<std::byte>> read(const BlobKey& key) {
+        return with<std::vector<std::byte>>([&](Reader& reader) { return read(reader, key); });
     }
 
     /// A row that the world says it has, decoded.
     template <class T>
-    Result<T> decoded(const BlobKey& key, Result<T> (*decode)(std::span<const std::byte>)) {
-        const Result<std::vector<std::byte>> raw = read(key);
+    Result<T> decoded(Reader& reader, const BlobKey& key, Result<T> (*decode)(std::span<const std::byte>)) const {
+        const Result<std::vector<std::byte>> raw = read(reader, key);
         if (!raw)
             return raw.error().code == ErrorCode::kNotFound ? fault(key, "the row is missing") : raw.error();
         Result<T> value = decode(raw.value());
         if (!value) return fault(key, value.error().what);
         return value;
     }
+    template <class T>
+    Result<T> decoded(const BlobKey& key, Result<T> (*decode)(std::span<const std::byte>)) {
+        return with<T>([&](Reader& reader) { return decoded(reader, key, decode); });
+    }
+
+    /// Runs `read(Reader&)` in one transaction: an edit comes before all of it or after.
+    template <class T, class Read>
+    Result<T> atOnce(Read read) {
+        return with<T>([&](Reader& reader) -> Result<T> {
+            if (const auto begun = reader.database.run("BEGIN"); !begun) return begun.error();
+            Result<T> result = read(reader);
+            // A failed statement may have ended it already.
+            if (const auto ended = reader.database.run("COMMIT"); !ended && result) return ended.error();
+            return result;
+        });
+    }
+    Result<Done> open(Reader& reader);
+    Result<ChunkRecord> ownRecord(Reader& reader, ChunkKey key) const;
+    Result<Done> applyRecords(Reader& reader);
+    Result<Chunk> readChunk(Reader& reader, const ChunkRecord& record, size_t firstLevel, const Chunk* base) const;
 };
 
 WorldStore::WorldStore(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -224,7 +271,60 @@ WorldStore::WorldStore(WorldStore&&) noexcept = default;
 WorldStore& WorldStore::operator=(WorldStore&&) noexcept = default;
 WorldStore::~WorldStore() = default;
 
+/// An edited chunk's record; kNotFound for a chunk that was never edited.
+Result<ChunkRecord> WorldStore::Impl::ownRecord(Reader& reader, ChunkKey key) const {
+    const auto raw = read(reader, recordKey(key));
+    if (!raw) return raw.error();
+    Result<std::vector<ChunkRecord>> own = decodeDirectory(raw.value());
+    if (!own) return fault(recordKey(key), own.error().what);
+    if (own.value().size() != 1 || own.value()[0].key != key) return fault(recordKey(key), "it is of another chunk");
+    return std::move(own.value()[0]);
+}
+
+/// Puts the records of edited chunks in place of the directory's.
+Result<Done> WorldStore::Impl::applyRecords(Reader& reader) {
+    Result<Statement> edited = reader.database.prepare("SELECT y, z, lod FROM blob WHERE x=? AND kind=?");
+    if (!edited) return edited.error();
+    edited.value().bind(0, kRecordX);
+    edited.value().bind(1, static_cast<int64_t>(BlobKind::kChunkRecord));
+    for (;;) {
+        const Result<bool> row = edited.value().step();
+        if (!row) return row.error();
+        if (!row.value()) return Done{};
+        const auto number = [&](int column) { return static_cast<int32_t>(edited.value().integer(column)); };
+        const ChunkKey key{number(0), number(2), number(1)};
+        const size_t at = placeOf(chunks, key);
+        if (at == chunks.size()) return fault(recordKey(key), "there is no such chunk");
+        Result<ChunkRecord> own = ownRecord(reader, key);
+        if (!own) return own.error();
+        chunks[at] = std::move(own.value());
+    }
+}
+
+Result<Done> WorldStore::Impl::open(Reader& reader) {
+    const BlobKey directoryKey{.kind = BlobKind::kDirectory};
+    Result<Header> readHeader = decoded<Header>(reader, {.kind = BlobKind::kHeader}, &decodeHeader);
+    if (!readHeader) return readHeader.error();
+    if (readHeader.value().version > kWorldVersion) return newer(path, readHeader.value().version);
+    header = std::move(readHeader.value());
+    Result<std::vector<MeshRecord>> table =
+        decoded<std::vector<MeshRecord>>(reader, {.kind = BlobKind::kMeshTable}, &decodeMeshTable);
+    if (!table) return table.error();
+    meshes = std::move(table.value());
+    Result<std::vector<ChunkRecord>> directory =
+        decoded<std::vector<ChunkRecord>>(reader, directoryKey, &decodeDirectory);
+    if (!directory) return directory.error();
+    chunks = std::move(directory.value());
+    if (const auto applied = applyRecords(reader); !applied) return applied.error();
+    for (const ChunkRecord& c : chunks)
+        if (!c.meshes.empty() && c.meshes.back() >= meshes.size())
+            return fault(directoryKey, "chunk " + toString(c.key) + " uses mesh " + std::to_string(c.meshes.back()) +
+                                           " of " + std::to_string(meshes.size()));
+    return Done{};
+}
+
 Result<WorldStore> WorldStore::open(const std::string& path) {
+    if (const auto mended = takeBack(path); !mended) return mended.error();
     const Result<Done> screened = screen(path);
     if (!screened) return screened.error();
     auto impl = std::make_unique<Impl>();
@@ -233,26 +333,9 @@ Result<WorldStore> WorldStore::open(const std::string& path) {
     const std::optional<FileIdentity> identity = identify(impl->absolute);
     if (!identity) return Error{ErrorCode::kNotFound, path + ": no such file; check the name"};
     impl->identity = *identity;
-
-    const BlobKey headerKey{.kind = BlobKind::kHeader}, directoryKey{.kind = BlobKind::kDirectory},
-        tableKey{.kind = BlobKind::kMeshTable};
-    Result<Header> header = impl->decoded<Header>(headerKey, &decodeHeader);
-    if (!header) return header.error();
-    if (header.value().version > kWorldVersion) return newer(path, header.value().version);
-    impl->header = std::move(header.value());
-    Result<std::vector<MeshRecord>> meshes =
-        impl->decoded<std::vector<MeshRecord>>(tableKey, &decodeMeshTable);
-    if (!meshes) return meshes.error();
-    impl->meshes = std::move(meshes.value());
-    Result<std::vector<ChunkRecord>> chunks =
-        impl->decoded<std::vector<ChunkRecord>>(directoryKey, &decodeDirectory);
-    if (!chunks) return chunks.error();
-    impl->chunks = std::move(chunks.value());
-    for (const ChunkRecord& c : impl->chunks)
-        if (!c.meshes.empty() && c.meshes.back() >= impl->meshes.size())
-            return impl->fault(directoryKey, "chunk " + toString(c.key) + " uses mesh " +
-                                                 std::to_string(c.meshes.back()) + " of " +
-                                                 std::to_string(impl->meshes.size()));
+    Impl& world = *impl;
+    const Result<Done> opened = world.atOnce<Done>([&](Reader& reader) { return world.open(reader); });
+    if (!opened) return opened.error();
     return WorldStore(std::move(impl));
 }
 
@@ -261,55 +344,67 @@ const Header& WorldStore::header() const { return impl_->header; }
 std::span<const ChunkRecord> WorldStore::chunks() const { return impl_->chunks; }
 std::span<const MeshRecord> WorldStore::meshes() const { return impl_->meshes; }
 
+const ChunkRecord* WorldStore::find(ChunkKey key) const {
+    const size_t at = placeOf(impl_->chunks, key);
+    return at < impl_->chunks.size() ? &impl_->chunks[at] : nullptr;
+}
+
 Result<std::vector<NamedInstance>> WorldStore::names() const {
     return impl_->decoded<std::vector<NamedInstance>>({.kind = BlobKind::kNames}, &decodeNames);
 }
 
-Result<Chunk> WorldStore::readChunk(ChunkKey key, size_t firstLevel, const Chunk* base) const {
-    const std::vector<ChunkRecord>& records = impl_->chunks;
-    const auto record = std::lower_bound(records.begin(), records.end(), key,
-                                         [](const ChunkRecord& r, ChunkKey k) { return r.key < k; });
-    if (record == records.end() || record->key != key)
-        return Error{ErrorCode::kNotFound,
-                     impl_->path + ": chunk " + toString(key) + ": there is no such chunk"};
-
+Result<Chunk> WorldStore::Impl::readChunk(Reader& reader, const ChunkRecord& record, size_t firstLevel,
+                                          const Chunk* base) const {
+    const ChunkKey key = record.key;
     Chunk chunk;
     chunk.key = key;
-    chunk.firstLevel = std::min(firstLevel, record->terrain.size());
-    size_t end = record->terrain.size();  // of the levels to read
-    if (base) {
+    chunk.firstLevel = std::min(firstLevel, record.terrain.size());
+    size_t end = record.terrain.size();  // of the levels to read
+    if (base && isPartOf(*base, record)) {
         CHECK(base->key == key && base->firstLevel >= chunk.firstLevel);
         chunk.instances = base->instances;
         end = base->firstLevel;
     } else {
         const BlobKey rowKey{key.x, key.y, key.z, 0, BlobKind::kInstances};
         Result<std::vector<Instance>> instances =
-            impl_->decoded<std::vector<Instance>>(rowKey, &decodeInstances);
+            decoded<std::vector<Instance>>(reader, rowKey, &decodeInstances);
         if (!instances) return instances.error();
         chunk.instances = std::move(instances.value());
         // What the directory promised is what readers have made room for.
-        if (chunk.instances.size() != record->instances)
-            return impl_->fault(rowKey, std::to_string(chunk.instances.size()) +
-                                            " instances, the directory says " +
-                                            std::to_string(record->instances));
+        if (chunk.instances.size() != record.instances)
+            return fault(rowKey, std::to_string(chunk.instances.size()) + " instances, the directory says " +
+                                     std::to_string(record.instances));
         for (const Instance& instance : chunk.instances)
-            if (!std::binary_search(record->meshes.begin(), record->meshes.end(), instance.mesh))
-                return impl_->fault(rowKey, "the directory does not say that it uses mesh " +
-                                                std::to_string(instance.mesh));
+            if (!std::binary_search(record.meshes.begin(), record.meshes.end(), instance.mesh))
+                return fault(rowKey, "the directory does not say that it uses mesh " +
+                                         std::to_string(instance.mesh));
     }
     for (size_t k = chunk.firstLevel; k < end; ++k) {
         const BlobKey levelKey{key.x, key.y, key.z, static_cast<int32_t>(k), BlobKind::kTerrainMesh};
-        Result<MeshLevel> level = impl_->decoded<MeshLevel>(levelKey, &decodeMeshLevel);
+        Result<MeshLevel> level = decoded<MeshLevel>(reader, levelKey, &decodeMeshLevel);
         if (!level) return level.error();
-        if (recordOf(level.value()) != record->terrain[k])
-            return impl_->fault(levelKey, "the directory says otherwise of its size or error");
+        if (recordOf(level.value()) != record.terrain[k])
+            return fault(levelKey, "the directory says otherwise of its size or error");
         chunk.terrain.levels.push_back(std::move(level.value()));
     }
-    if (base)
+    if (end < record.terrain.size())
         chunk.terrain.levels.insert(chunk.terrain.levels.end(), base->terrain.levels.begin(),
                                     base->terrain.levels.end());
     chunk.terrain.bounds = boundsOf(chunk.terrain);
     return chunk;
+}
+
+Result<Chunk> WorldStore::readChunk(ChunkKey key, size_t firstLevel, const Chunk* base) const {
+    const ChunkRecord* record = find(key);
+    if (!record)
+        return Error{ErrorCode::kNotFound,
+                     impl_->path + ": chunk " + toString(key) + ": there is no such chunk"};
+    return impl_->atOnce<Chunk>([&](Reader& reader) -> Result<Chunk> {
+        // It may have been edited since the world was opened.
+        const Result<ChunkRecord> own = impl_->ownRecord(reader, key);
+        if (!own && own.error().code != ErrorCode::kNotFound) return own.error();
+        return impl_->readChunk(reader, own ? own.value() : *record, firstLevel, base);
+    });
 }
 
 Result<Mesh> WorldStore::readMesh(uint32_t id) const {

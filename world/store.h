@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <span>
 #include <string>
@@ -24,6 +25,7 @@ enum class BlobKind : int32_t {
     kInstances = 5,    ///< a chunk's instances; lod 0
     kTerrainMesh = 6,  ///< one MeshLevel of a chunk's terrain; lod = level
     kLevelSet = 7,     ///< a chunk's terrain level set (world/level_set.h); lod 0
+    kChunkRecord = 8,  ///< an edited chunk's ChunkRecord, in place of the directory's; `recordKey`
 };
 const char* toString(BlobKind kind);
 
@@ -33,6 +35,12 @@ struct BlobKey {
     friend auto operator<=>(const BlobKey&, const BlobKey&) = default;
 };
 std::string toString(const BlobKey& key);
+
+/// x of all rows of kind kChunkRecord: they follow each other, so that few are found among many others. No chunk is
+/// that far west.
+constexpr int32_t kRecordX = std::numeric_limits<int32_t>::min();
+/// Where an edited chunk's own record is.
+constexpr BlobKey recordKey(ChunkKey chunk) { return {kRecordX, chunk.x, chunk.z, chunk.y, BlobKind::kChunkRecord}; }
 
 /// Writes a new world beside its final name, as `path`.baking, and renames it when whole: a reader never
 /// meets half a world, and a failed or destroyed writer leaves nothing behind. One thread at a time.
@@ -81,11 +89,14 @@ struct BlobInfo {
     uint64_t rawBytes = 0, storedBytes = 0;
 };
 
-/// An open world, read-only. Reads may come from any number of threads at once.
+/// An open world, read-only. Reads may come from any number of threads at once, also while a WorldEditor, of this
+/// process or another, changes the file: each read sees the world before or after an edit. Header and records are
+/// those of the moment when it was opened.
 /// Every blob's checksum is tested before a byte of it is parsed, and no length in it is trusted.
 class WorldStore {
 public:
-    /// Opens and reads header, directory and mesh table.
+    /// Opens and reads header, directory and mesh table, and the records of edited chunks. Takes back what an edit
+    /// left that was cut short by a crash; for that the file must be writable.
     /// kNotFound; kBadData for a foreign, truncated, corrupt or newer file: the text says which.
     static Result<WorldStore> open(const std::string& path);
     WorldStore(WorldStore&&) noexcept;
@@ -95,6 +106,7 @@ public:
     const std::string& path() const;
     const Header& header() const;
     std::span<const ChunkRecord> chunks() const;  ///< ascending by key
+    const ChunkRecord* find(ChunkKey key) const;  ///< null for a chunk that the world does not have
     std::span<const MeshRecord> meshes() const;   ///< index = mesh id
 
     Result<std::vector<NamedInstance>> names() const;

@@ -122,9 +122,8 @@ std::vector<Error> checkNames(const WorldStore& world) {
         return findings.take();
     }
     for (const NamedInstance& name : names.value()) {
-        const auto record = std::lower_bound(world.chunks().begin(), world.chunks().end(), name.chunk,
-                                             [](const ChunkRecord& r, ChunkKey k) { return r.key < k; });
-        if (record == world.chunks().end() || record->key != name.chunk || name.slot >= record->instances)
+        const ChunkRecord* record = world.find(name.chunk);
+        if (!record || name.slot >= record->instances)
             findings.add({.kind = BlobKind::kNames},
                          "'" + name.name + "' names no instance of chunk " + toString(name.chunk));
     }
@@ -166,6 +165,9 @@ std::vector<Error> checkRows(const WorldStore& world) {
                 break;
             case BlobKind::kLevelSet:
                 expected = chunks.contains(key) && chunks.at(key) > 0 && row.lod == 0;
+                break;
+            case BlobKind::kChunkRecord:
+                expected = row.x == kRecordX && chunks.contains({row.y, row.lod, row.z});
                 break;
         }
         if (!expected) findings.add(row, "nothing in the world names this row");
