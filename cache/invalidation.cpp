@@ -23,7 +23,7 @@ TexelRect footprint(const Lattice& lattice, const world::Box& light) {
 
 void departed(const Lattice& lattice, int cascade, const TexelRect& window, const Events& events,
               std::vector<Invalidation>& list) {
-    for (Cause cause : {Cause::kDeparture, Cause::kDemotion, Cause::kLevel}) {
+    for (Cause cause : {Cause::kDeparture, Cause::kDemotion, Cause::kLevel, Cause::kEdit}) {
         RectSet rects;
         for (const Departure& d : events.departures)
             if (d.cause == cause && (d.cascades >> cascade & 1)) rects.add(intersection(footprint(lattice, d.bounds), window));

@@ -17,7 +17,7 @@ struct Invalidation {
     Cause cause = Cause::kDeparture;
 };
 
-/// Appends where static casters left, merged where that is cheaper; rectangles of one cause are disjoint.
+/// Appends where static casters left a cascade, merged where that is cheaper; rectangles of one cause are disjoint.
 void departed(const Lattice& lattice, int cascade, const TexelRect& window, const Events& events,
               std::vector<Invalidation>& list);
 /// Appends where static casters joined and show in a cascade; likewise.

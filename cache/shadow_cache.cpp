@@ -146,7 +146,8 @@ void ShadowCache::Frame::sleep(size_t c) {
     s.window = state.window.min;
     if (!state.drawn) return;
     std::vector<Invalidation> invalid;
-    if (cache_.config_.sabotage != Sabotage::kDeafDeparture) departed(state.lattice, cascades_[c].number, state.window, events_, invalid);
+    if (cache_.config_.sabotage != Sabotage::kDeafDeparture)
+        departed(state.lattice, cascades_[c].number, state.window, events_, invalid);
     arrived(scene_, state.lattice, cascades_[c].number, state.window, events_, invalid);
     for (const Invalidation& i : invalid) state.owed.add({i.rect, i.cause, Owes::kStale, cache_.frame_});
     state.owed.compactStale();  // a cascade may sleep for long; nothing becomes unknown meanwhile
@@ -200,7 +201,8 @@ void ShadowCache::Frame::collect(size_t c) {
     for (const TexelRect& slab : exposedSlabs(before.min, window.min, state.lattice.side))
         cover(slab, Cause::kScroll, Owes::kUnknown, true);
     std::vector<Invalidation> left, joined;
-    if (cache_.config_.sabotage != Sabotage::kDeafDeparture) departed(state.lattice, cascades_[c].number, window, events_, left);
+    if (cache_.config_.sabotage != Sabotage::kDeafDeparture)
+        departed(state.lattice, cascades_[c].number, window, events_, left);
     for (const Invalidation& i : left) cover(i.rect, i.cause, Owes::kStale, true);
     arrived(scene_, state.lattice, cascades_[c].number, window, events_, joined);
     for (const Invalidation& i : joined) cover(i.rect, i.cause, Owes::kStale, false);

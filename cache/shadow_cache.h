@@ -61,7 +61,7 @@ struct Scene {
 
 constexpr uint32_t kAllCascades = ~0u;
 
-/// Something left the static set; where it was must be redrawn.
+/// Something left the static set, or a part of it did; where it was must be redrawn.
 struct Departure {
     world::Box bounds;  ///< light space [m], as last drawn
     Cause cause = Cause::kDeparture;

@@ -12,6 +12,7 @@ const char* toString(Cause cause) {
         case Cause::kDeparture: return "departure";
         case Cause::kDemotion: return "demotion";
         case Cause::kLevel: return "level";
+        case Cause::kEdit: return "edit";
         case Cause::kArrival: return "arrival";
         case Cause::kPromotion: return "promotion";
     }

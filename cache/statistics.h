@@ -19,13 +19,14 @@ enum class Cause : uint8_t {
     kDeparture,  ///< a static caster left with its chunk
     kDemotion,   ///< a static caster moved and became active
     kLevel,      ///< a static caster is drawn in another level of detail
+    kEdit,       ///< the ground was dug or filled
     kArrival,    ///< a static caster came with its chunk
     kPromotion,  ///< an active caster came to rest and became static
 };
 /// Height above its receiver of the caster by which a sun's lag is judged [m]: a house.
 constexpr double kSunHeight = 10;
 
-constexpr int kCauses = 10;
+constexpr int kCauses = 11;
 const char* toString(Cause cause);
 
 /// Cost of drawing. A caster or draw that several regions of a frame need counts once in each.

@@ -17,6 +17,7 @@
 #include "gpu/shadow_maps.h"
 #include "server/outlook.h"
 #include "world/casters.h"
+#include "world/edited_terrain.h"
 #include "world/octree.h"
 #include "world/store.h"
 #include "world/streamer.h"
@@ -105,6 +106,9 @@ public:
                                std::span<const int> from);
     /// Takes it over, before anything else has happened. Certificates are sought anew.
     void apply(Refit refit);
+    /// The terrain of a chunk is another one from now on, and whenever the chunk comes again. Only where the two
+    /// differ is anything redrawn. kLimit and kDevice where it cannot be uploaded: it may be tried again.
+    world::Result<world::Done> changeTerrain(std::shared_ptr<const world::EditedChunk> chunk);
     /// Opens side 1. Its casters get no certificates: a sun that steps outlives few of them.
     void openNext(const culling::LightSpace& space);
     /// Fits a share of all casters to side 1, from those that have been; true when all are: only then it may be viewed
@@ -181,6 +185,11 @@ private:
     world::Result<world::Done> addChunk(std::shared_ptr<const world::Chunk> chunk);
     world::Result<world::Done> refineChunk(std::shared_ptr<const world::Chunk> chunk);
     void moveLevels(world::MeshSlot from, world::MeshSlot to);
+    world::Result<world::Done> swapTerrain(ResidentChunk& chunk, world::CasterId& caster,
+                                            const world::EditedChunk& edited);
+    void departWhereChanged(world::CasterId before, size_t firstLevel, world::CasterId after,
+                            const world::EditedChunk& chunk);
+    world::Placement terrainPlacement(world::ChunkKey key) const;
     world::Result<world::CasterId> addStatic(world::MeshSlot mesh, const world::Placement& placement,
                                              world::CasterOrigin origin);
     /// Fits the casters of so many more slots of the table, from those that have been.
@@ -206,6 +215,7 @@ private:
     std::vector<const world::MeshLevel*> uploaded_;  ///< by GeometryId; null: released
     std::map<uint32_t, world::MeshSlot> meshSlots_;  ///< by mesh id
     std::map<world::ChunkKey, ResidentChunk> chunks_;
+    std::map<world::ChunkKey, std::shared_ptr<const world::EditedChunk>> edited_;  ///< whose terrain counts
     std::vector<Object> objects_;
     std::map<std::pair<world::ChunkKey, uint32_t>, ObjectId> adopted_;
     std::optional<std::vector<world::NamedInstance>> names_;

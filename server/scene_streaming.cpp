@@ -39,11 +39,12 @@ world::Result<world::Done> ResidentScene::addChunk(std::shared_ptr<const world::
         dropChunk(chunk->key);
         return id.error();
     };
-    if (!chunk->terrain.levels.empty()) {
-        resident.terrain = table_.addMesh(chunk->terrain);
-        world::Placement placement;
-        placement.translation = glm::dvec3(chunk->key.x, 0, chunk->key.z) * store_.header().chunkSize;
-        if (auto done = keep(addStatic(*resident.terrain, placement, {chunk->key, -1, -1})); !done) return done;
+    const auto edited = edited_.find(chunk->key);
+    const world::Mesh& terrain = edited != edited_.end() ? edited->second->terrain : chunk->terrain;
+    if (!terrain.levels.empty()) {
+        resident.terrain = table_.addMesh(terrain);
+        if (auto done = keep(addStatic(*resident.terrain, terrainPlacement(chunk->key), {chunk->key, -1, -1})); !done)
+            return done;
     }
     for (uint32_t slot = 0; slot < chunk->instances.size(); ++slot) {
         if (adopted_.contains({chunk->key, slot})) continue;
@@ -70,6 +71,14 @@ void ResidentScene::moveLevels(world::MeshSlot from, world::MeshSlot to) {
 /// and the new one arrives; elsewhere nothing happened. After an error all is as before.
 world::Result<world::Done> ResidentScene::refineChunk(std::shared_ptr<const world::Chunk> chunk) {
     ResidentChunk& resident = chunks_.at(chunk->key);
+    if (edited_.contains(chunk->key)) {  // its terrain is there already, in all levels
+        resident.chunk = std::move(chunk);
+        return world::Done{};
+    }
+    if (!resident.terrain || chunk->terrain.levels.empty()) {  // the file was edited by somebody else meanwhile
+        dropChunk(chunk->key);
+        return addChunk(std::move(chunk));
+    }
     const world::MeshSlot before = *resident.terrain, after = table_.addMesh(chunk->terrain);
     const world::CasterId id = resident.casters.front();
     const culling::LightCasters& light = shown().light;

@@ -10,6 +10,7 @@
 #include "culling/cascades.h"
 #include "culling/light_space.h"
 #include "server/resident_scene.h"
+#include "server/terrain_edits.h"
 #include "world/hash.h"
 
 namespace server {
@@ -99,7 +100,8 @@ double msSince(std::chrono::steady_clock::time_point start) {
 
 struct ShadowSystem::Impl {
     Impl(const world::WorldStore& worldStore, const ShadowConfig& c, std::unique_ptr<gpu::ShadowMaps> m,
-         const culling::LightSpace& space, const std::vector<culling::Cascade>& lightCascades)
+         const culling::LightSpace& space, const std::vector<culling::Cascade>& lightCascades,
+         world::WorldEditor* editor)
         : config(c),
           store(worldStore),
           maps(std::move(m)),
@@ -107,6 +109,7 @@ struct ShadowSystem::Impl {
           mapsPerSun(mapsFor(store, c, cascades)),
           scene(store, *maps, space, cascades, sceneConfig(c)),
           spots(*maps, c.sabotage),
+          edits(store, editor),
           motion(c.sunMotion, space.sun, c.method == Method::kGnomon),
           sunNow(space.sun) {
         suns.push_back(makeSun(space, 0, cache::Cause::kStart));
@@ -122,6 +125,7 @@ struct ShadowSystem::Impl {
     void redirect(const culling::LightSpace& space);
     void planNext(const cache::Demand& demand, double share, std::vector<cache::CascadeStatistics>& statistics);
     cache::Limits limits() const;
+    Result<world::Done> takeEdits(FrameReport& report);
     Result<world::Done> learnRate(const FrameReport& report);
     void findGaps(double time, FrameReport& report);
     /// After a frame that was not drawn: what the maps hold is anybody's guess.
@@ -139,6 +143,8 @@ struct ShadowSystem::Impl {
     size_t mapsPerSun;
     ResidentScene scene;
     SpotLights spots;
+    TerrainEdits edits;
+    std::deque<std::shared_ptr<const world::EditedChunk>> untaken;  ///< edited, and not in the scene yet
     std::vector<std::unique_ptr<Sun>> suns;  ///< as the scene's sides: the one shown and, filling, the next
     SunMotion motion;
     glm::dvec3 sunNow;
@@ -160,7 +166,7 @@ ShadowSystem::ShadowSystem(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) 
 ShadowSystem::~ShadowSystem() = default;
 
 Result<std::unique_ptr<ShadowSystem>> ShadowSystem::create(gpu::Device& device, const world::WorldStore& store,
-                                                           const ShadowConfig& config) {
+                                                           const ShadowConfig& config, world::WorldEditor* editor) {
     ShadowConfig filled = config;
     if (filled.sun == glm::dvec3(0)) filled.sun = store.header().sun;
     if (filled.sun == glm::dvec3(0))
@@ -191,7 +197,7 @@ Result<std::unique_ptr<ShadowSystem>> ShadowSystem::create(gpu::Device& device, 
     auto maps = gpu::ShadowMaps::create(device, mapsConfig);
     if (!maps) return maps.error();
     return std::unique_ptr<ShadowSystem>(new ShadowSystem(
-        std::make_unique<Impl>(store, filled, std::move(maps.value()), space.value(), cascades.value())));
+        std::make_unique<Impl>(store, filled, std::move(maps.value()), space.value(), cascades.value(), editor)));
 }
 
 std::unique_ptr<Sun> ShadowSystem::Impl::makeSun(const culling::LightSpace& space, size_t place,
@@ -215,6 +221,8 @@ Result<ObjectId> ShadowSystem::spawn(uint32_t mesh, const world::Placement& plac
 }
 
 Result<world::Done> ShadowSystem::remove(ObjectId object) { return impl_->scene.remove(object); }
+
+Result<world::Done> ShadowSystem::edit(const world::TerrainEdit& edit) { return impl_->edits.give(edit); }
 
 Result<SpotId> ShadowSystem::addSpot(const culling::SpotLight& light) { return impl_->spots.add(light); }
 
@@ -290,6 +298,9 @@ Result<FrameReport> ShadowSystem::advance(const FrameInput& input) {
     SunMotion::Decision decision;
     s.moveSun(input, report, decision);
 
+    const auto editing = std::chrono::steady_clock::now();
+    if (const auto taken = s.takeEdits(report); !taken) return s.lost(taken.error());
+    const double editMs = msSince(editing);
     auto changed = s.scene.advance(input.time, p, input.ahead, input.objects);
     if (!changed) return s.lost(changed.error());
     SceneChanges& changes = changed.value();
@@ -304,7 +315,7 @@ Result<FrameReport> ShadowSystem::advance(const FrameInput& input) {
     report.certificates = changes.certify.certificates;
     report.revocations = changes.revocations;
     report.errors.insert(report.errors.end(), changes.errors.begin(), changes.errors.end());
-    report.cpu.streamMs = changes.streamMs;
+    report.cpu.streamMs = editMs + changes.streamMs;
     report.cpu.setsMs = changes.setsMs;
     report.cpu.occlusionMs = changes.occlusionMs;
 
@@ -350,6 +361,17 @@ Result<FrameReport> ShadowSystem::advance(const FrameInput& input) {
     return report;
 }
 
+/// Edits become visible here and nowhere else: all that were given.
+Result<world::Done> ShadowSystem::Impl::takeEdits(FrameReport& report) {
+    TerrainEdits::Finished finished = edits.take();
+    report.edits = finished.edits;
+    report.errors.insert(report.errors.end(), finished.errors.begin(), finished.errors.end());
+    untaken.insert(untaken.end(), finished.chunks.begin(), finished.chunks.end());
+    for (; !untaken.empty(); untaken.pop_front())
+        if (const auto changed = scene.changeTerrain(untaken.front()); !changed) return changed;
+    return world::Done{};
+}
+
 /// Corrects the rate by a frame that has finished by now, since its place on the GPU was taken again. By
 /// timestamps where there are any: the time at which its fence was seen depends on when somebody looked.
 Result<world::Done> ShadowSystem::Impl::learnRate(const FrameReport& report) {
@@ -386,7 +408,7 @@ void ShadowSystem::Impl::findGaps(double time, FrameReport& report) {
             for (const world::Lack& lack : scene.lacking()) {
                 if (lack.absent != absent) continue;
                 if (!absent && lack.error <= config.levelError * cascades[c].texel) continue;
-                const world::Box light = sun.space.toLight(store.chunks()[lack.record].bounds);
+                const world::Box light = sun.space.toLight(scene.streamer().boundsOf(lack.record));
                 gap.add(cache::intersection(cache::footprint(sun.cache.lattice(int(c)), light), sun.cache.window(int(c))));
             }
             cache::CascadeStatistics& statistics = report.cascades[c];

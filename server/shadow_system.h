@@ -22,6 +22,8 @@
 #include "world/mesh.h"
 #include "world/result.h"
 #include "world/store.h"
+#include "world/terrain_edit.h"
+#include "world/world_editor.h"
 
 namespace server {
 
@@ -95,7 +97,7 @@ struct FrameInput {
 
 /// CPU time of a frame by stage [ms]. Not deterministic.
 struct StageTimes {
-    double streamMs = 0;     ///< wants, reads, caster tables, uploads
+    double streamMs = 0;     ///< edits of the ground, wants, reads, caster tables, uploads
     double occlusionMs = 0;  ///< certificates
     double setsMs = 0;       ///< moved objects, static and active sets
     double planMs = 0;       ///< queries, plan
@@ -112,6 +114,7 @@ struct FrameReport {
     uint32_t missingChunks = 0;  ///< that maps need now and that are not there
     uint32_t coarseChunks = 0;   ///< that are there, more coarsely than a map needs now
     double longestLack = 0;      ///< of all these, how long the first has been needed [s]
+    uint64_t edits = 0;          ///< of the terrain, taken up in this frame
     uint64_t bytesRead = 0;      ///< decoded
     uint64_t bytesAgain = 0;     ///< of these, had been read before
     uint64_t residentBytes = 0;  ///< decoded chunks and meshes, with what is being read
@@ -145,11 +148,13 @@ enum class SunMaps : uint8_t {
 /// for any number of them.
 class ShadowSystem {
 public:
-    /// `device` and `store` must outlive the system. kUsage for a configuration or a sun that cannot
+    /// `device` and `store` must outlive the system, and so must `editor`, through which terrain edits reach the world's
+    /// file; null: they stay in memory. kUsage for a configuration or a sun that cannot
     /// work, kBadData for a world without casters, kDevice and kLimit from the GPU.
     static world::Result<std::unique_ptr<ShadowSystem>> create(gpu::Device& device,
                                                               const world::WorldStore& store,
-                                                              const ShadowConfig& config);
+                                                              const ShadowConfig& config,
+                                                              world::WorldEditor* editor = nullptr);
     ~ShadowSystem();
 
     /// Takes the named instance out of its chunk and makes it an object that updates can move.
@@ -162,6 +167,11 @@ public:
     /// Takes the object out of the world for good, from the next frame on. kNotFound for an object that
     /// does not exist or was removed already.
     world::Result<world::Done> remove(ObjectId object);
+    /// Digs or fills, from the next frame on; in the order in which edits are given. Made on a thread of its own from
+    /// here on, which `advance` waits for. Chunks need not be in memory. kUsage, kLimit and kNotFound for an edit that
+    /// makes no sense: then nothing happens. What goes wrong later is an error of the next frame's report, and leaves
+    /// the ground, and with an editor the file, as they were.
+    world::Result<world::Done> edit(const world::TerrainEdit& edit);
     /// Adds a cone of light, drawn from the next frame on. It is served by the chunks that the camera needs.
     /// kUsage for numbers that cannot work, kLimit for more than kMostSpots; the text names the number. After
     /// an error here or below nothing changed.

@@ -71,6 +71,20 @@ const Mesh& Streamer::mesh(uint32_t id) const {
     return *meshes_[id].mesh;
 }
 
+const Box& Streamer::boundsOf(uint32_t record) const {
+    const auto moved = rebound_.find(record);
+    return moved != rebound_.end() ? moved->second : store_.chunks()[record].bounds;
+}
+
+void Streamer::rebound(ChunkKey key, const Box& bounds) {
+    const size_t record = find(store_.chunks(), key);
+    CHECK(record < chunks_.size() && !bounds.empty());
+    const auto i = static_cast<uint32_t>(record);
+    if (!boundsOf(i).empty()) places_.remove(i);
+    places_.insert(i, bounds);
+    rebound_[i] = bounds;
+}
+
 uint8_t Streamer::coarsest(uint32_t record) const {
     const size_t levels = store_.chunks()[record].terrain.size();
     return static_cast<uint8_t>(levels == 0 ? 0 : levels - 1);
@@ -97,7 +111,7 @@ void Streamer::want(const Wants& wants, double now) {
     places_.accepted([&](const Box& bounds) { return wants(bounds).has_value(); }, near);
     wanted_.clear();
     for (const uint32_t i : near) {
-        const auto want = wants(store_.chunks()[i].bounds);
+        const auto want = wants(boundsOf(i));
         if (!want) continue;
         const auto& levels = store_.chunks()[i].terrain;
         uint8_t level = coarsest(i);

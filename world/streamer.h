@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <limits>
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -89,6 +90,11 @@ public:
     /// in no later meshArrivals). kLimit if it does not fit the budget; errors of the store pass through.
     Result<Done> pin(uint32_t mesh);
 
+    /// A chunk of the store casts within these bounds from now on [m], not those of its record.
+    void rebound(ChunkKey key, const Box& bounds);
+    /// Of a record's chunk [m].
+    const Box& boundsOf(uint32_t record) const;
+
     bool resident(ChunkKey key) const;
     size_t residentChunks() const { return resident_.size(); }
     uint64_t residentBytes() const { return bytes_; }     ///< decoded, with what is being read
@@ -152,7 +158,8 @@ private:
     uint64_t largestChunk_ = 0;  ///< [bytes]: room in which one can be exchanged for a finer one
     uint32_t fits_ = 0;
     std::vector<ChunkState> chunks_;
-    Octree places_;  ///< bounds of the records, by index
+    std::map<uint32_t, Box> rebound_;  ///< by index of the record
+    Octree places_;  ///< bounds of the chunks, by index of the record
     std::vector<uint32_t> resident_;  ///< indices of records, ascending
     std::vector<MeshState> meshes_;  ///< index = mesh id
     std::vector<uint32_t> pinned_;

@@ -32,6 +32,22 @@ inline WorldTriangles trianglesOf(const world::WorldStore& store) {
     return triangles;
 }
 
+/// Of terrain alone, as the file has it now.
+inline WorldTriangles terrainTrianglesOf(const world::WorldStore& store) {
+    WorldTriangles triangles;
+    for (const world::ChunkRecord& record : store.chunks()) {
+        const world::Chunk chunk = store.readChunk(record.key).value();
+        const glm::dvec3 origin = glm::dvec3(record.key.x, 0, record.key.z) * store.header().chunkSize;
+        const world::MeshLevel& level = chunk.terrain.levels.at(0);
+        for (size_t i = 0; i < level.indices.size(); i += 3) {
+            std::array<glm::dvec3, 3> t;
+            for (size_t k = 0; k < 3; ++k) t[k] = glm::dvec3(level.positions[level.indices[i + k]]) + origin;
+            triangles.push_back(t);
+        }
+    }
+    return triangles;
+}
+
 /// Distances from `p` toward the sun at which the ray leaves a triangle behind, more than 0.05 m off.
 template <class F>
 void eachHit(const WorldTriangles& triangles, glm::dvec3 p, glm::dvec3 toSun, F f) {

@@ -10,8 +10,8 @@
 
 namespace world::test {
 
-/// `count` x `count` chunks of `side` voxels of `voxel` metres from the origin on, lifted by `lift` [m], and in the
-/// middle of each a bumpy patch 20 m up.
+/// `count` x `count` chunks of `side` voxels of `voxel` metres from the origin on, lifted by `lift` [m]. In the middle
+/// of each are bumpy patches, one 20 m up and one 9 m under the ground.
 inline BakeSource hillsWorld(int count, int32_t side, double voxel, double lift = 0) {
     BakeSource source;
     source.header.chunkSize = side * voxel;
@@ -28,9 +28,14 @@ inline BakeSource hillsWorld(int count, int32_t side, double voxel, double lift 
         auto made = makeTerrain(fieldOf(hills, -60, 60), key, side, voxel);
         if (!made) return made.error();
         chunk.terrain = std::move(made.value());
-        Instance instance;
-        instance.placement.translation = glm::dvec3(key.x + 0.5, 0, key.z + 0.5) * (side * voxel) + glm::dvec3(0, 20, 0);
-        chunk.instances.push_back(instance);
+        const glm::dvec3 middle = glm::dvec3(key.x + 0.5, 0, key.z + 0.5) * (side * voxel);
+        double ground = 40;
+        while (hills(middle + glm::dvec3(0, ground, 0)) > 0) ground -= 0.5;
+        for (const double y : {20.0, ground - 9}) {
+            Instance instance;
+            instance.placement.translation = middle + glm::dvec3(0, y, 0);
+            chunk.instances.push_back(instance);
+        }
         return chunk;
     };
     return source;

@@ -78,7 +78,7 @@ TEST(WorldEditor, LeavesASoundWorldWithTheEditsInIt) {
     EXPECT_LT(after.value().header().bounds.min.y, before.value().header().bounds.min.y - 10);
     for (const ChunkRecord& record : after.value().chunks()) {
         const Chunk chunk = after.value().readChunk(record.key).value();
-        EXPECT_EQ(chunk.instances.size(), 1u);
+        EXPECT_EQ(chunk.instances.size(), 2u);
         const auto edited = last.find(record.key);
         const bool wasEdited = edited != last.end();
         const Chunk old = before.value().readChunk(record.key).value();  // which reads what is there now
