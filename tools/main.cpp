@@ -3,6 +3,7 @@
 #include <iostream>
 
 #include "tools/bake_command.h"
+#include "tools/edit_command.h"
 #include "tools/info_command.h"
 #include "tools/options.h"
 #include "tools/replay_command.h"
@@ -17,7 +18,7 @@ int main(int argc, char** argv) {
     });
     const tools::Command commands[] = {tools::addBakeCommand(app), tools::addInfoCommand(app),
                                        tools::addReplayCommand(app), tools::addSoakCommand(app),
-                                       tools::addStressCommand(app)};
+                                       tools::addStressCommand(app), tools::addEditCommand(app)};
     try {
         app.parse(argc, argv);
     } catch (const CLI::ParseError& error) {

@@ -20,6 +20,8 @@ constexpr double kFps = 30;
 constexpr double kLargestObject = 20;  // [m]
 
 constexpr size_t kMostLights = 3;
+/// So many chunks around the middle are edited: what edits hold in memory is bounded.
+constexpr size_t kEditedChunks = 16;
 
 uint64_t residentBytes() {
     std::ifstream file("/proc/self/statm");
@@ -31,12 +33,18 @@ uint64_t residentBytes() {
 class Life {
 public:
     Life(server::ShadowSystem& system, const world::WorldStore& store, const SoakConfig& config)
-        : system_(system), config_(config), settings_(system.config()), rng_(config.seed), far_(system.config().farDistance) {
+        : system_(system), store_(store), config_(config), settings_(system.config()), rng_(config.seed), far_(system.config().farDistance) {
         const world::Box bounds = store.header().bounds;
         home_ = bounds.centre();
         reach_ = glm::dvec2(bounds.extent().x, bounds.extent().z) * 0.5;
         height_ = bounds.max.y - bounds.min.y;
         eye_ = home_;
+        for (const world::ChunkRecord& record : store.chunks())
+            if (!record.terrain.empty()) ground_.push_back(&record);
+        std::stable_sort(ground_.begin(), ground_.end(), [this](const auto* a, const auto* b) {
+            return glm::distance(a->bounds.centre(), home_) < glm::distance(b->bounds.centre(), home_);
+        });
+        ground_.resize(std::min(ground_.size(), kEditedChunks));
         for (uint32_t m = 0; m < store.meshes().size(); ++m) {
             const glm::dvec3 size = store.meshes()[m].bounds.extent();
             if (std::max({size.x, size.y, size.z}) <= kLargestObject) meshes_.push_back(m);
@@ -52,6 +60,7 @@ public:
         --left_;
         moveCamera();
         if (auto done = changeObjects(report); !done) return done.error();
+        if (auto done = changeGround(report); !done) return done.error();
         server::FrameInput input;
         input.time = static_cast<double>(frame_++) / kFps;
         input.camera = {eye_, orientation_, fov_, 1.6};
@@ -152,6 +161,23 @@ private:
         return world::Done{};
     }
 
+    /// Now and then digs or fills where the ground was when the world was baked.
+    world::Result<world::Done> changeGround(SoakReport& report) {
+        if (ground_.empty() || !chance(0.05)) return world::Done{};
+        const world::ChunkRecord& record = *ground_[rng_() % ground_.size()];
+        const auto chunk = store_.readChunk(record.key);
+        if (!chunk) return chunk.error();
+        const std::vector<glm::vec3>& points = chunk.value().terrain.levels.back().positions;
+        const double edge = store_.header().chunkSize, radius = uniform(0.005, 0.1) * edge;
+        const glm::dvec3 p = glm::dvec3(points[rng_() % points.size()]) + glm::dvec3(record.key.x, 0, record.key.z) * edge;
+        const glm::dvec3 reach(uniform(0.01, 0.1) * edge, uniform(0.01, 0.1) * edge, uniform(0.01, 0.1) * edge);
+        world::TerrainEdit edit{chance(0.5) ? world::EditKind::kDig : world::EditKind::kFill, world::Sphere{p, radius}};
+        if (chance(0.3)) edit.shape = world::Box{p - reach, p + reach};
+        if (chance(0.3)) edit.shape = world::Capsule{p - reach, p + reach, radius};
+        ++report.edits;
+        return system_.edit(edit);
+    }
+
     void moveCamera() {
         const double speed = motion_ == Motion::kWalk ? 1.5 / kFps : motion_ == Motion::kRun ? 15 / kFps : 0;
         if (motion_ == Motion::kTurn) heading_ += glm::radians(210 / kFps);
@@ -203,6 +229,7 @@ private:
     }
 
     server::ShadowSystem& system_;
+    const world::WorldStore& store_;
     const SoakConfig& config_;
     server::MapSettings settings_;  ///< of the beginning
     std::mt19937 rng_;
@@ -210,6 +237,7 @@ private:
     glm::dvec2 reach_{0};
     double height_ = 0, far_ = 0;
     std::vector<uint32_t> meshes_;
+    std::vector<const world::ChunkRecord*> ground_;  ///< with terrain
     std::vector<server::SpotId> lights_;
     std::vector<Object> objects_;
     std::vector<server::ObjectUpdate> updates_;

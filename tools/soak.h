@@ -23,6 +23,7 @@ struct SoakReport {
     uint64_t texels = 0, stale = 0, differing = 0;  ///< compared, left out as owed, different
     uint64_t spawns = 0, removals = 0, moves = 0, jumps = 0;
     uint64_t reconfigurations = 0, lightChanges = 0;  ///< spot lights added, moved, removed
+    uint64_t edits = 0;  ///< of the terrain, where the world has some
     uint64_t chunkArrivals = 0, chunkDepartures = 0;
     uint64_t sunSteps = 0, sunRedraws = 0;  ///< of a moving sun
     uint64_t limitedFrames = 0, sleepers = 0;  ///< frames with a budget; cascades asleep, over all frames
@@ -36,7 +37,7 @@ struct SoakReport {
 
 /// Walks, turns, stands and jumps a camera around the middle of the world; spawns, moves, rests and
 /// removes objects; now and then limits the budget, looks into the sky, changes the maps' settings or a spot
-/// light; compares all maps every `verifyEvery` frames and ends at the first difference. Errors of the system pass through with the
+/// light, digs or fills; compares all maps every `verifyEvery` frames and ends at the first difference. Errors of the system pass through with the
 /// frame's number; errors of items are errors here, since no item is bad.
 ///   onFrame  called after each frame: frames done
 world::Result<SoakReport> soak(server::ShadowSystem& system, const world::WorldStore& store, const SoakConfig& config,

@@ -23,7 +23,8 @@ void print(const SoakReport& r) {
     const auto n = [](uint64_t value) { return static_cast<unsigned long long>(value); };
     std::printf("frames     %llu; %llu spawns, %llu removals, %llu moves, %llu jumps\n", n(r.frames), n(r.spawns),
                 n(r.removals), n(r.moves), n(r.jumps));
-    std::printf("changes    %llu of the maps' settings, %llu of spot lights\n", n(r.reconfigurations), n(r.lightChanges));
+    std::printf("changes    %llu of the maps' settings, %llu of spot lights, %llu of the ground\n", n(r.reconfigurations),
+                n(r.lightChanges), n(r.edits));
     std::printf("chunks     %llu arrivals, %llu departures\n", n(r.chunkArrivals), n(r.chunkDepartures));
     std::printf("sun        %llu steps, %llu of them redrawn whole\n", n(r.sunSteps), n(r.sunRedraws));
     std::printf("owed       %llu frames with a budget, %llu unknown texels summed, %llu sleeping cascades\n",

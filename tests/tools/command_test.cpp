@@ -9,6 +9,7 @@
 #include <fstream>
 #include <set>
 
+#include "tests/world/hills_world.h"
 #include "world/path.h"
 
 namespace {
@@ -109,7 +110,7 @@ TEST_F(Commands, MissingAndForeignFilesAreData) {
 }
 
 TEST_F(Commands, HelpIsNoError) {
-    for (const char* arguments : {"--help", "bake --help", "info --help", "replay --help"})
+    for (const char* arguments : {"--help", "bake --help", "edit --help", "info --help", "replay --help"})
         EXPECT_EQ(gnomon(arguments).status, 0) << arguments;
     EXPECT_EQ(run(GNOMON_BENCH_BINARY, "--help").status, 0);
 }
@@ -182,6 +183,33 @@ TEST_F(Commands, ASmallWorldIsBakedShownAndGuardsItsReplays) {
     expectRefusal("replay small.world --path near.tum --device no-such-device", 3, "no-such-device");
     expectRefusal("replay small.world --path near.tum --out scene.gltf", 3, "scene.gltf");
     expectRefusal("replay small.world --path near.tum --out a/b --dump scene.gltf/c", 3, "scene.gltf");
+}
+
+TEST_F(Commands, EditsAreToldOneByOneAndBadOnesByTheirLine) {
+    ASSERT_TRUE(world::bake(world::test::hillsWorld(2, 16, 2), (folder_ / "hills.world").string(), {}));
+    expectRefusal("edit hills.world", 2, "edits");
+    expectRefusal("edit hills.world missing.txt", 3, "missing.txt");
+    put("good.txt", "# a hole, and something on it\n\ndig sphere 32 0 32 6\r\nfill  box 20 -2 20 40 4 30\n"
+                    "dig capsule 10 0 10 35 0 35 2.5\n  \ndig sphere 32 55 32 1\n");
+    expectRefusal("edit missing.world good.txt", 3, "missing.world");
+    const Outcome edited = gnomon("edit hills.world good.txt");
+    EXPECT_EQ(edited.status, 0) << edited.text;
+    EXPECT_EQ(edited.text, "edit 1: 4 chunks changed\nedit 2: 4 chunks changed\nedit 3: 4 chunks changed\n"
+                           "edit 4: 0 chunks changed\n");
+    EXPECT_EQ(gnomon("info hills.world --check").status, 0);
+    for (const char* bad : {"dig", "dig hole 1 2 3 4", "bury sphere 1 2 3 4", "dig sphere 1 2 3", "dig sphere 1 2 3 4 5",
+                            "dig sphere 1 2 3 nan", "dig sphere 1 2 3 x", "dig sphere 1 2 3 -4", "fill box 5 0 0 4 1 1"}) {
+        put("bad.txt", std::string("\n").append(bad).append("\n"));
+        expectRefusal("edit hills.world bad.txt", 2, "bad.txt:2: ");
+    }
+    put("bad.txt", "dig sphere 1 2 3 1000\n");
+    expectRefusal("edit hills.world bad.txt", 3, "bad.txt:1: dig: ");
+    put("bad.txt", "dig sphere 1000 0 3 1\n");
+    expectRefusal("edit hills.world bad.txt", 3, "no terrain");
+    put("scene.gltf", scene());
+    ASSERT_EQ(gnomon("bake scene.gltf -o flat.world --sun 135,40").status, 0);
+    put("bad.txt", "dig sphere 1 2 3 1\n");
+    expectRefusal("edit flat.world bad.txt", 2, "this world has no terrain");
 }
 
 TEST_F(Commands, AReplayWithSpotLightsComparesThemAndSumsThemUp) {
