@@ -363,7 +363,7 @@ Result<FrameReport> ShadowSystem::advance(const FrameInput& input) {
 
 /// Edits become visible here and nowhere else: all that were given.
 Result<world::Done> ShadowSystem::Impl::takeEdits(FrameReport& report) {
-    TerrainEdits::Finished finished = edits.take();
+    TerrainEdits::Finished finished = edits.take(config.streaming.clock != world::Clock::kLive);
     report.edits = finished.edits;
     report.errors.insert(report.errors.end(), finished.errors.begin(), finished.errors.end());
     untaken.insert(untaken.end(), finished.chunks.begin(), finished.chunks.end());

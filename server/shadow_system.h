@@ -168,7 +168,7 @@ public:
     /// does not exist or was removed already.
     world::Result<world::Done> remove(ObjectId object);
     /// Digs or fills, from the next frame on; in the order in which edits are given. Made on a thread of its own from
-    /// here on, which `advance` waits for. Chunks need not be in memory. kUsage, kLimit and kNotFound for an edit that
+    /// here on, which `advance` waits for but under the live clock. Chunks need not be in memory. kUsage, kLimit and kNotFound for an edit that
     /// makes no sense: then nothing happens. What goes wrong later is an error of the next frame's report, and leaves
     /// the ground, and with an editor the file, as they were.
     world::Result<world::Done> edit(const world::TerrainEdit& edit);

@@ -26,9 +26,9 @@ world::Result<world::Done> TerrainEdits::give(const world::TerrainEdit& edit) {
     return world::Done{};
 }
 
-TerrainEdits::Finished TerrainEdits::take() {
+TerrainEdits::Finished TerrainEdits::take(bool wait) {
     std::unique_lock lock(mutex_);
-    changed_.wait(lock, [this] { return given_.empty(); });
+    if (wait) changed_.wait(lock, [this] { return given_.empty(); });
     return std::exchange(finished_, {});
 }
 

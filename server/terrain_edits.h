@@ -30,8 +30,8 @@ public:
         std::vector<world::Error> errors;  ///< of edits that failed later, and changed nothing
         uint64_t edits = 0;                ///< that did not fail
     };
-    /// What was finished since the last call. Waits for all that were given.
-    Finished take();
+    /// What was finished since the last call. `wait`: all that were given are.
+    Finished take(bool wait);
 
 private:
     void work();

@@ -135,6 +135,7 @@ Result<StressResult> runStress(gpu::Device& device, const world::WorldStore& sto
     input.verifyEvery = c.poses.size();
     input.live = config.streaming.clock == world::Clock::kLive;
     input.foresight = c.foresight;
+    auto edit = c.edits.begin();
     const auto done = replay(*system.value(), input, nullptr, nullptr, [&](const ReplayFrame& frame) -> Result<Done> {
         r.summary.add(frame);
         const bool last = frame.number + 1 == c.poses.size(), moving = frame.number >= c.start && frame.number < c.end;
@@ -151,6 +152,11 @@ Result<StressResult> runStress(gpu::Device& device, const world::WorldStore& sto
                 r.holes += compared.value().holes;
                 r.worstHoles = std::max(r.worstHoles, compared.value().holes);
             }
+        }
+        for (; edit != c.edits.end() && edit->first == frame.number; ++edit) {
+            for (ShadowSystem* each : {system.value().get(), truth.value().get()})
+                if (const auto given = each->edit(edit->second); !given) return given.error();
+            ++r.edits;
         }
         return onFrame(frame);
     });
@@ -217,6 +223,7 @@ std::string stressJson(const std::vector<StressResult>& results, const std::stri
                          {"chunk_refinements", s.refinements},
                          {"chunk_departures", s.chunkDepartures},
                          {"most_arrivals_in_a_frame", r.mostArrivals},
+                         {"edits", r.edits},
                          {"errors", s.errors},
                          {"plan_hash", s.planHash},
                          {"times",

@@ -105,6 +105,28 @@ void play(StressCase& c, double seconds, const std::function<world::Pose(double)
     }
 }
 
+/// Where the ground is dug while the eye moves: upright capsules, as high as an edit may be, through chunks within the
+/// far distance.
+std::vector<std::pair<size_t, world::TerrainEdit>> shafts(const world::WorldStore& store, const StressCase& c,
+                                                          uint64_t seed) {
+    std::mt19937_64 rng(seed);
+    std::vector<std::pair<size_t, world::TerrainEdit>> edits;
+    for (size_t frame = c.start; frame < c.end; frame += size_t(kStressRate) / 2) {
+        std::vector<const world::ChunkRecord*> near;
+        for (const world::ChunkRecord& r : store.chunks()) {
+            const glm::dvec3 from = (r.bounds.min + r.bounds.max) * 0.5 - c.poses[frame].position;
+            if (!r.terrain.empty() && glm::length(glm::dvec2(from.x, from.z)) < c.config.farDistance) near.push_back(&r);
+        }
+        if (near.empty()) continue;
+        const world::ChunkRecord& r = *near[rng() % near.size()];
+        const double edge = store.header().chunkSize, radius = 4 * store.header().voxel;
+        const glm::dvec3 middle((r.key.x + 0.5) * edge, (r.bounds.min.y + r.bounds.max.y) / 2, (r.key.z + 0.5) * edge);
+        const glm::dvec3 half(0, edge / 2 - radius, 0);
+        edits.push_back({frame, {world::EditKind::kDig, world::Capsule{middle - half, middle + half, radius}}});
+    }
+    return edits;
+}
+
 class Cases {
 public:
     Cases(const world::WorldStore& store, const StressPlan& plan) : middle_(middleOf(store)), plan_(plan) {}
@@ -162,6 +184,11 @@ std::vector<StressCase> stressCases(const world::WorldStore& store, const Stress
     bad.config.streaming.disk.failShare = 0.1;
     bad.config.streaming.disk.corruptShare = 0.05;
     bad.mayLack = bad.losesChunks = true;
+    // Live, a frame does not wait for an edit, and its maps may well be of the moment before.
+    if (store.header().voxel > 0 && plan.config.streaming.clock != world::Clock::kLive) {
+        StressCase& edits = cases.add("edits", "a shaft is dug twice a second, near the eye and far off, at 50 m/s", flight);
+        edits.edits = shafts(store, edits, plan.seed);
+    }
     StressCase& all = cases.add("all", "jumps, a low sun, half the memory, and a slow disk that stalls and fails",
                                 teleports(plan.seed + 1, 3 * plan.config.farDistance, seconds));
     all.config = low.config;

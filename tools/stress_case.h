@@ -3,11 +3,13 @@
 
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "server/shadow_system.h"
 #include "world/path.h"
 #include "world/store.h"
+#include "world/terrain_edit.h"
 
 namespace tools {
 
@@ -16,6 +18,7 @@ struct StressCase {
     std::vector<world::Pose> poses;  ///< 30 a second: at rest, moving, at rest
     size_t start = 0, end = 0;       ///< those from `start` to before `end` move
     server::ShadowConfig config;
+    std::vector<std::pair<size_t, world::TerrainEdit>> edits;  ///< frames after which the ground is edited, ascending
     double memoryShare = 0;     ///< of what the first straight flight needs; 0: plenty
     bool mayLack = false;       ///< texels may be wrong while the eye moves; they must be known to be
     bool losesChunks = false;   ///< some chunks cannot be read at all
