@@ -20,8 +20,8 @@ struct ChangedChunk {
 
 /// The one writer of a world file. Readers (WorldStore) go on beside it, in this process and others; each of its
 /// commits waits for their reads under way, and they for it. Between commits the file is whole by itself; a process
-/// that dies within one leaves a journal beside it, by which the next to open the world takes the edit back. One
-/// thread at a time.
+/// that dies within one leaves a journal beside it, by which the next to open the world takes the edit back (one that had
+/// not begun to write the world says nothing, and stays until the next edit). One thread at a time.
 class WorldEditor {
 public:
     /// kNotFound and kBadData as WorldStore::open; kIo where the file cannot be written, and where another editor has

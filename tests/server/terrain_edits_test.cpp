@@ -325,6 +325,21 @@ TEST(TerrainEdits, ComeAgainWithTheirChunk) {
     tests::expectSilence();
 }
 
+TEST(TerrainEdits, CallInAChunkThatGrewIntoTheLight) {
+    ShadowConfig config = small();
+    config.farDistance = 20;
+    config.sun = glm::normalize(glm::dvec3(1, -0.25, 0));
+    const auto system = make(hills(), config);
+    // The light that reaches the eye passes 67 m above the tower's foot, where nothing was that high.
+    const glm::dvec3 eye(300, 0, 160), foot(32, 0, 160);
+    EXPECT_GT(frame(*system, eye).chunkArrivals, 0u);
+    EXPECT_EQ(frame(*system, eye).chunkArrivals, 0u);
+    ASSERT_TRUE(system->edit({EditKind::kFill, Capsule{foot, foot + glm::dvec3(0, 54, 0), 4}}));
+    EXPECT_EQ(frame(*system, eye).chunkArrivals, 1u);
+    EXPECT_EQ(differing(*system), 0u);
+    tests::expectSilence();
+}
+
 TEST(TerrainEdits, GiveTheSamePlansOnAnyNumberOfThreads) {
     std::vector<uint64_t> expected;
     for (const size_t threads : {1, 2, 7}) {
