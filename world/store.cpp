@@ -79,6 +79,8 @@ Result<Done> screen(const std::string& path) {
     if (at(60) > kWorldVersion) return newer(path, at(60));
     if (at(60) < kWorldVersion)
         return bad(path, "is of version " + std::to_string(at(60)) + ", which this Gnomon does not read: bake it again");
+    // Else SQLite would make files beside it.
+    if (head[18] != 1 || head[19] != 1) return bad(path, "keeps another journal than worlds do: copy or bake it again");
     const uint32_t pageCode = uint32_t{head[16]} << 8 | head[17];
     const auto pages = [&] { return uint64_t{pageCode == 1 ? 65536 : pageCode} * at(28); };
     if (read.value().size != pages()) {

@@ -229,6 +229,12 @@ TEST(Store, NamesWhatIsNoWorld) {
     cutInto(folder.file("view"), "ALTER TABLE blob RENAME TO b; CREATE VIEW blob AS SELECT * FROM b");
     expectRefused(folder.file("view"), ErrorCode::kBadData, "its tables are not those of a world");
 
+    writeWorld(folder.file("wal"));
+    cutInto(folder.file("wal"), "PRAGMA journal_mode=WAL");
+    const std::vector<std::string> before = folder.list();
+    expectRefused(folder.file("wal"), ErrorCode::kBadData, "keeps another journal");
+    EXPECT_EQ(folder.list(), before) << "nothing is made beside it";
+
     writeWorld(folder.file("newer"));
     cutInto(folder.file("newer"), "PRAGMA user_version=" + std::to_string(kWorldVersion + 1));
     expectRefused(folder.file("newer"), ErrorCode::kBadData,
