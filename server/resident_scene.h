@@ -121,8 +121,8 @@ public:
     size_t sides() const { return sides_.size(); }
 
     /// Moves objects, settles the static and active sets, streams for an eye at `eye` (world, [m]) that will be
-    /// where `ahead` says, if it says anything, and certifies what comes near. Bad items are reported and skipped; an Error (kLimit, kDevice)
-    /// means that the scene could not be completed.
+    /// where `ahead` says, if it says anything, and certifies what comes near. Bad items are reported and skipped; an
+    /// Error (kLimit, kDevice) means that the scene could not be completed.
     world::Result<SceneChanges> advance(double time, glm::dvec3 eye, std::span<const AheadEye> ahead,
                                         std::span<const ObjectUpdate> updates);
 

@@ -168,9 +168,9 @@ public:
     /// does not exist or was removed already.
     world::Result<world::Done> remove(ObjectId object);
     /// Digs or fills, from the next frame on; in the order in which edits are given. Made on a thread of its own from
-    /// here on, which `advance` waits for but under the live clock. Chunks need not be in memory. kUsage, kLimit and kNotFound for an edit that
-    /// makes no sense: then nothing happens. What goes wrong later is an error of the next frame's report, and leaves
-    /// the ground, and with an editor the file, as they were.
+    /// here on, which `advance` waits for but under the live clock. Chunks need not be in memory. kUsage, kLimit and
+    /// kNotFound for an edit that makes no sense: then nothing happens. What goes wrong later is an error of the next
+    /// frame's report, and leaves the ground, and with an editor the file, as they were.
     world::Result<world::Done> edit(const world::TerrainEdit& edit);
     /// Adds a cone of light, drawn from the next frame on. It is served by the chunks that the camera needs.
     /// kUsage for numbers that cannot work, kLimit for more than kMostSpots; the text names the number. After

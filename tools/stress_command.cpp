@@ -67,7 +67,8 @@ Result<StressResult> play(gpu::Device& device, const world::WorldStore& store, c
 }
 
 Result<int> runStressCommand(StressOptions options) {
-    if (!(options.plan.seconds > 0) || !(options.plan.seconds <= 3600)) return usage("--seconds: give more than 0 and at most 3600");
+    if (!(options.plan.seconds > 0 && options.plan.seconds <= 3600))
+        return usage("--seconds: give more than 0 and at most 3600");
     if (options.compareEvery == 0) return usage("--compare: give a whole number of 1 or more");
     const auto store = world::WorldStore::open(options.world);
     if (!store) return store.error();
@@ -87,7 +88,8 @@ Result<int> runStressCommand(StressOptions options) {
     }
     const auto device = gpu::Device::create(options.device);
     if (!device) return device.error();
-    const std::string folder = options.out.empty() ? std::filesystem::path(options.world).stem().string() + ".stress" : options.out;
+    const std::string folder =
+        options.out.empty() ? std::filesystem::path(options.world).stem().string() + ".stress" : options.out;
     auto results = OutputFolder::create(folder);
     if (!results) return results.error();
 
