@@ -222,7 +222,8 @@ StreamEvents Streamer::advance(double now) {
         for (FinishedRead& done : finished) take(std::move(done), now, events);
         for (auto at = ready_.begin(); at != ready_.end();) {
             const ChunkState& chunk = chunks_[at->request.record];
-            const uint64_t more = memoryOf(at->request.record, chunk.reading) - memoryOf(at->request.record, chunk.first);
+            const uint64_t held = memoryOf(at->request.record, chunk.first);
+            const uint64_t more = std::max(memoryOf(at->request.record, chunk.reading), held) - held;
             if (!waits && handed > 0 && handed + more > config_.handOutBytes) break;
             if (!handOver(*at, now, events)) {
                 ++at;
@@ -356,17 +357,22 @@ void Streamer::fail(uint32_t record, const Error& error, double now, StreamEvent
     events.errors.push_back({error.code, "chunk " + toString(store_.chunks()[record].key) + what + error.what, error.native});
 }
 
-/// False while the chunk must wait for a mesh.
+/// False while the chunk must wait for a mesh, or for room on the GPU.
 bool Streamer::handOver(FinishedRead& ready, double now, StreamEvents& events) {
     const uint32_t record = ready.request.record;
     ChunkState& chunk = chunks_[record];
     const std::vector<uint32_t>& ids = store_.chunks()[record].meshes;
-    if (chunk.goal == kAbsent) {  // not wanted any more
+    uint64_t geometry = geometry_ - geometryOf(record, chunk.first) + geometryOf(record, chunk.reading);
+    if (chunk.first == kAbsent)
+        for (const uint32_t id : ids) geometry += meshes_[id].announced ? 0 : meshes_[id].geometry;
+    const bool fits = geometry <= config_.geometryBytes;
+    if (chunk.goal == kAbsent || (!fits && chunk.reading < chunk.goal)) {  // not wanted any more, or not so finely
         bytes_ -= memoryOf(record, chunk.reading);
         chunk.reading = kAbsent;
-        release(record);
+        if (chunk.first == kAbsent) release(record);
         return true;
     }
+    if (!fits) return false;
     if (chunk.first == kAbsent) {
         for (const uint32_t id : ids) {
             if (meshes_[id].reading) return false;
