@@ -19,6 +19,11 @@ struct Limits {
     uint64_t triangles = kNone;
     bool untouched = true;  ///< nothing was drawn yet: one smallest block may exceed `triangles`, or it never would be
     bool limited() const { return texels != kNone || triangles != kNone; }
+    /// One of so many equal parts, rounded up.
+    Limits part(uint64_t parts) const {
+        const auto cut = [parts](uint64_t whole) { return whole == kNone ? kNone : whole / parts + (whole % parts > 0); };
+        return {cut(texels), cut(triangles), untouched};
+    }
     /// What is left after spending `cost`: nothing, once either is used up.
     Limits less(const Cost& cost) const {
         if (cost.texels >= texels || cost.triangles >= triangles) return {0, 0, false};

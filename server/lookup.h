@@ -21,7 +21,7 @@ enum class Light : uint8_t {
 
 struct PointAnswer {
     Light light = Light::kUnknown;
-    int8_t cascade = -1;  ///< whose map answered; -1: none
+    int8_t cascade = -1;  ///< number of the one whose map answered; -1: none
     bool fell = false;    ///< a nearer cascade's window holds the point and does not know it
     bool stale = false;   ///< the texel's depth may be older than the world, or lack a chunk that is not there yet
 };
@@ -33,10 +33,10 @@ struct LookupBias {
     double metres = 0.02;
 };
 
-/// Answers for world points [m] from a sun's working maps as they are, the nearest cascade that holds and
-/// knows a point first. `gaps`: per cascade, texels that chunks which are not there may shade. Reads whole maps back:
+/// Answers for world points [m] from a camera's working maps as they are, the nearest cascade that holds and
+/// knows a point first. `gaps`: per cascade of the sun, texels that chunks which are not there may shade. Reads whole maps back:
 /// for batches. kDevice from the GPU.
-world::Result<std::vector<PointAnswer>> lookup(gpu::ShadowMaps& maps, const Sun& sun,
+world::Result<std::vector<PointAnswer>> lookup(gpu::ShadowMaps& maps, const Sun& sun, int camera,
                                                std::span<const cache::RectSet> gaps,
                                                std::span<const glm::dvec3> points, const LookupBias& bias);
 

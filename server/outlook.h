@@ -1,4 +1,4 @@
-// server/outlook.h — which parts of the world an eye's maps need, and will need soon.
+// server/outlook.h — which parts of the world the maps of eyes need, and will need soon.
 // Source: our own.
 #pragma once
 
@@ -19,6 +19,11 @@ struct AheadEye {
     glm::dvec3 position{0};  ///< [m]
 };
 
+struct Eye {
+    glm::dvec3 position{0};             ///< [m]
+    std::span<const AheadEye> ahead{};  ///< where it will be, if that is known
+};
+
 /// What of the world casts onto maps: everything in the columns of light over the windows, toward the sun without end,
 /// away from it as far as receivers can be. Windows are squares around the eye, so turning it asks for nothing. Where
 /// reads take time, what the eye's way leads to is wanted ahead: the way that was told, or a straight one at its
@@ -34,23 +39,25 @@ public:
     /// what windows need now is wanted.
     Outlook(bool waits, bool prefetch) : waits_(waits), prefetch_(prefetch) {}
 
-    /// Notes where the eye is; true if what is wanted must be looked at anew.
+    /// Notes where the eyes are, always in the same order; true if what is wanted must be looked at anew.
     ///   reach  distance that the last cascade serves [m]
-    bool observe(double time, glm::dvec3 eye, double reach);
+    bool observe(double time, std::span<const Eye> eyes, double reach);
     /// The next `observe` is true: suns or maps have changed.
-    void forget() { lookedAt_.reset(); }
+    void forget() { looked_ = false; }
     /// As of the last `observe`. `maps` and `suns` must outlive the answer.
     world::Wants wants(std::span<const culling::LightSpace* const> suns, const Maps& maps, double reach,
-                       std::span<const AheadEye> ahead) const;
+                       std::span<const Eye> eyes) const;
 
 private:
+    struct Seen {
+        glm::dvec3 eye{0}, velocity{0};            ///< [m], [m/s]
+        glm::dvec3 lookedAt{0}, lookedWith{0};     ///< both when wants were last looked at
+    };
     double margin(double reach) const;
     bool waits_, prefetch_;
     double time_ = 0;
-    glm::dvec3 eye_{0}, velocity_{0};  ///< [m], [m/s]
-    bool seen_ = false;
-    std::optional<glm::dvec3> lookedAt_;
-    glm::dvec3 lookedWith_{0};  ///< velocity at that time
+    std::vector<Seen> seen_;  ///< per eye
+    bool looked_ = false;     ///< wants were asked for, and hold but for how the eyes have moved
 };
 
 }  // namespace server

@@ -403,21 +403,22 @@ void ResidentScene::newcomers(const culling::LightCasters& light, glm::dvec2 fro
     casters.erase(std::unique(casters.begin(), casters.end()), casters.end());
 }
 
-void ResidentScene::occlude(SunSide& side, glm::dvec3 eye, SceneChanges& changes) {
-    // A cascade's rays are spent where its window is or soon will be: the finest cascade covers a
+void ResidentScene::occlude(SunSide& side, std::span<const Eye> eyes, SceneChanges& changes) {
+    // A cascade's rays are spent where a window is or soon will be: the finest cascade covers a
     // thousandth of the coarsest one's ground and would cost most of the rays.
     const auto& cascades = side.light.cascades();
-    const bool first = side.certifiedAt.empty();
-    side.certifiedAt.resize(cascades.size());
-    const glm::dvec2 at(side.light.space().toLight(eye));
+    side.certifiedAt.resize(eyes.size() * cascades.size());
     std::vector<world::CasterId> near, provers;
-    for (size_t c = 0; c < cascades.size(); ++c) {
+    for (size_t n = 0; n < side.certifiedAt.size(); ++n) {
+        const size_t c = n % cascades.size();
+        const glm::dvec2 at(side.light.space().toLight(eyes[n / cascades.size()].position));
+        std::optional<glm::dvec2>& before = side.certifiedAt[n];
         const double slack = kSlack * cascades[c].split;
-        if (!first && arrivals_.empty() && glm::length(at - side.certifiedAt[c]) <= slack / 2) continue;
+        if (before && arrivals_.empty() && glm::length(at - *before) <= slack / 2) continue;
         const double reach = cascades[c].texel * (config_.side / 2.0 + config_.guardBand) + slack;
-        if (first) culling::castersOver(statics_, side.light, at - reach, at + reach, near);
-        else newcomers(side.light, side.certifiedAt[c], at, reach, near);
-        side.certifiedAt[c] = at;
+        if (before) newcomers(side.light, *before, at, reach, near);
+        else culling::castersOver(statics_, side.light, at - reach, at + reach, near);
+        before = at;
         if (near.empty()) continue;
         world::Box over;
         for (const world::CasterId id : near) over.add(side.light[id].bounds);
@@ -426,7 +427,7 @@ void ResidentScene::occlude(SunSide& side, glm::dvec3 eye, SceneChanges& changes
     }
 }
 
-world::Result<SceneChanges> ResidentScene::advance(double time, glm::dvec3 eye, std::span<const AheadEye> ahead,
+world::Result<SceneChanges> ResidentScene::advance(double time, std::span<const Eye> eyes,
                                                    std::span<const ObjectUpdate> updates) {
     SceneChanges changes;
     for (world::CasterId id : spawned_) sets_.moved(id, time);
@@ -438,7 +439,7 @@ world::Result<SceneChanges> ResidentScene::advance(double time, glm::dvec3 eye, 
     changes.setsMs = sets.ms();
 
     const Stopwatch streaming;
-    if (auto done = stream(time, eye, ahead, changes); !done) {
+    if (auto done = stream(time, eyes, changes); !done) {
         for (auto& side : sides_) side->certifiedAt.clear();  // arrivals go unseen: look at all again
         return done.error();
     }
@@ -448,7 +449,7 @@ world::Result<SceneChanges> ResidentScene::advance(double time, glm::dvec3 eye, 
     std::sort(arrivals_.begin(), arrivals_.end(),
               [](const cache::Arrival& a, const cache::Arrival& b) { return a.caster < b.caster; });
     for (auto& side : sides_)
-        if (side->occlusion) occlude(*side, eye, changes);
+        if (side->occlusion) occlude(*side, eyes, changes);
     changes.revocations += std::exchange(revocations_, 0);
     changes.occlusionMs = occlusion.ms();
     return changes;

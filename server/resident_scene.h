@@ -73,7 +73,7 @@ struct SunSide {
     size_t fitted = 0;   ///< slots of the table, from the first, whose casters were fitted when it was opened
     bool whole = false;  ///< all were; whatever came later is placed as it comes
     std::unique_ptr<culling::Occlusion> occlusion;  ///< null: everything is drawn
-    std::vector<glm::dvec2> certifiedAt;  ///< per cascade: eye at the last look for certificates
+    std::vector<std::optional<glm::dvec2>> certifiedAt;  ///< per eye and cascade: eye at the last look for certificates
     std::vector<cache::Departure> departures;
     std::vector<world::Box> activeDirt;  ///< light space
 };
@@ -120,11 +120,10 @@ public:
     void dropNext();
     size_t sides() const { return sides_.size(); }
 
-    /// Moves objects, settles the static and active sets, streams for an eye at `eye` (world, [m]) that will be
-    /// where `ahead` says, if it says anything, and certifies what comes near. Bad items are reported and skipped; an
+    /// Moves objects, settles the static and active sets, streams for the eyes, always in the same order,
+    /// and certifies what comes near one. Bad items are reported and skipped; an
     /// Error (kLimit, kDevice) means that the scene could not be completed.
-    world::Result<SceneChanges> advance(double time, glm::dvec3 eye, std::span<const AheadEye> ahead,
-                                        std::span<const ObjectUpdate> updates);
+    world::Result<SceneChanges> advance(double time, std::span<const Eye> eyes, std::span<const ObjectUpdate> updates);
 
     /// For the cache. `hide`: with certificates.
     cache::Scene view(size_t side, bool hide) const;
@@ -179,8 +178,7 @@ private:
     void leaveStatics(world::CasterId caster, cache::Cause cause);
     size_t revoke(std::span<const world::CasterId> casters);
     void promote(double time);
-    world::Result<world::Done> stream(double time, glm::dvec3 eye, std::span<const AheadEye> ahead,
-                                      SceneChanges& changes);
+    world::Result<world::Done> stream(double time, std::span<const Eye> eyes, SceneChanges& changes);
     void dropChunk(world::ChunkKey key);
     world::Result<world::Done> addChunk(std::shared_ptr<const world::Chunk> chunk);
     world::Result<world::Done> refineChunk(std::shared_ptr<const world::Chunk> chunk);
@@ -200,7 +198,7 @@ private:
     void startOcclusion();
     void newcomers(const culling::LightCasters& light, glm::dvec2 from, glm::dvec2 to, double reach,
                    std::vector<world::CasterId>& casters) const;
-    void occlude(SunSide& side, glm::dvec3 eye, SceneChanges& changes);
+    void occlude(SunSide& side, std::span<const Eye> eyes, SceneChanges& changes);
 
     const world::WorldStore& store_;
     gpu::ShadowMaps& maps_;

@@ -121,13 +121,12 @@ world::Result<world::Done> ResidentScene::refineChunk(std::shared_ptr<const worl
     return world::Done{};
 }
 
-world::Result<world::Done> ResidentScene::stream(double time, glm::dvec3 eye, std::span<const AheadEye> ahead,
-                                                 SceneChanges& changes) {
-    if (outlook_.observe(time, eye, config_.farDistance)) {
+world::Result<world::Done> ResidentScene::stream(double time, std::span<const Eye> eyes, SceneChanges& changes) {
+    if (outlook_.observe(time, eyes, config_.farDistance)) {
         std::vector<const culling::LightSpace*> suns;
         for (const auto& side : sides_) suns.push_back(&side->light.space());
         const Outlook::Maps maps{shown().light.cascades(), config_.side, config_.guardBand, config_.detail.levelError};
-        streamer_.want(outlook_.wants(suns, maps, config_.farDistance, ahead), time);
+        streamer_.want(outlook_.wants(suns, maps, config_.farDistance, eyes), time);
     }
     world::StreamEvents e = streamer_.advance(time);
     changes.bytesRead += e.bytesRead;

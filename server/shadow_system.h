@@ -41,6 +41,7 @@ struct Budget {
 
 /// What the maps are like; may be changed while a system runs.
 struct MapSettings {
+    int cameras = 1;           ///< 1 to 8, each with maps of its own; world, casters and certificates are shared
     int cascades = 4;          ///< 1 to 8
     int side = 1024;           ///< texels a side, 64 to 8192
     double farDistance = 600;  ///< split of the last cascade [m]: shadows reach this far from the eye
@@ -83,6 +84,7 @@ struct Camera {
     /// receiver in view sleep until they do.
     double verticalFov = 0;
     double aspect = 1;  ///< width over height, > 0
+    std::span<const AheadEye> ahead{};  ///< where it will be, if that is known; else its speed tells
 };
 
 struct FrameInput {
@@ -92,7 +94,7 @@ struct FrameInput {
     /// Direction of light travel; zero: as before. Needs ShadowConfig::movingSun. A sun that light spaces
     /// refuse is an error of the report, and the last one stays.
     glm::dvec3 sun{0};
-    std::span<const AheadEye> ahead{};      ///< where the camera will be, if that is known; else its speed tells
+    std::span<const Camera> others{};  ///< the further cameras, always in the same order: MapSettings::cameras less one
 };
 
 /// CPU time of a frame by stage [ms]. Not deterministic.
@@ -107,7 +109,7 @@ struct StageTimes {
 struct FrameReport {
     uint64_t frame = 0;
     double time = 0;
-    std::vector<cache::CascadeStatistics> cascades;
+    std::vector<cache::CascadeStatistics> cascades;  ///< by number
     std::vector<SpotReport> spots;  ///< by id
     uint32_t chunkArrivals = 0, chunkDepartures = 0;
     uint32_t refinements = 0;    ///< chunks that were there and came in other levels of detail
@@ -134,7 +136,7 @@ struct FrameReport {
     std::vector<world::Error> errors;  ///< per item; the frame went on without it
 };
 
-/// What drawing every cascade whole would cost in the current state, without drawing: static part.
+/// What drawing every cascade whole would cost in the current state, without drawing: static part. By number.
 using RedrawCosts = std::vector<cache::Cost>;
 
 /// Which maps, while the sun steps.
@@ -144,6 +146,8 @@ enum class SunMaps : uint8_t {
 };
 
 /// Streams a world, keeps its shadow maps and accounts for every redrawn texel.
+/// Cascades are numbered camera by camera: cascade c of camera k is number k * MapSettings::cascades + c, wherever
+/// a cascade is named. A budget is shared: each camera gets an equal part, and what one leaves goes to the next.
 /// One thread at a time; the work inside uses all of TBB's threads and gives the same plans and maps
 /// for any number of them.
 class ShadowSystem {
@@ -172,7 +176,7 @@ public:
     /// kNotFound for an edit that makes no sense: then nothing happens. What goes wrong later is an error of the next
     /// frame's report, and leaves the ground, and with an editor the file, as they were.
     world::Result<world::Done> edit(const world::TerrainEdit& edit);
-    /// Adds a cone of light, drawn from the next frame on. It is served by the chunks that the camera needs.
+    /// Adds a cone of light, drawn from the next frame on. It is served by the chunks that the cameras need.
     /// kUsage for numbers that cannot work, kLimit for more than kMostSpots; the text names the number. After
     /// an error here or below nothing changed.
     world::Result<SpotId> addSpot(const culling::SpotLight& light);
@@ -186,7 +190,7 @@ public:
     /// Other maps from the next frame on; waits for the GPU. A cascade that serves the same distance as one before, with
     /// the same texels and format, keeps its maps: another number of cascades at the same ratio leaves those that
     /// stay as they are. The others are drawn anew, within the budget, and so is what a kept cascade now draws
-    /// differently. Certificates are sought anew. kUsage, kLimit, kDevice as in `create`: then nothing has changed,
+    /// differently. Of fewer cameras the first ones stay. Certificates are sought anew. kUsage, kLimit, kDevice as in `create`: then nothing has changed,
     /// but that maps for the sun's next direction begin anew. `verify` and `redrawCosts` need a frame first.
     world::Result<world::Done> reconfigure(const MapSettings& settings);
     /// Where the world has it.
@@ -207,11 +211,12 @@ public:
     world::Result<VerifyReport> verify();
 
     CascadeView view(int cascade, SunMaps which = SunMaps::kShown) const;
-    int cascades() const;
+    int cascades() const;  ///< of all cameras together
     const ShadowConfig& config() const;  ///< with the sun filled in
-    /// Answers for world points [m] from the shown sun's working maps as they are, the nearest cascade that holds and
-    /// knows a point first. Reads whole maps back: for batches.
-    world::Result<std::vector<PointAnswer>> lookup(std::span<const glm::dvec3> points, const LookupBias& bias = {});
+    /// Answers for world points [m] from a camera's working maps of the shown sun as they are, the nearest cascade that
+    /// holds and knows a point first. Reads whole maps back: for batches.
+    world::Result<std::vector<PointAnswer>> lookup(std::span<const glm::dvec3> points, const LookupBias& bias = {},
+                                                   int camera = 0);
     world::Result<SpotView> viewSpot(SpotId id) const;
     /// Answers for world points [m] from a spot light's working map as it is. Reads the whole map back: for
     /// batches.

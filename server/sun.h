@@ -1,4 +1,4 @@
-// server/sun.h — one direction of the sun: its light space, its cache, and what its maps mean.
+// server/sun.h — one direction of the sun: its light space, its caches, and what their maps mean.
 #pragma once
 
 #include <cstdint>
@@ -12,11 +12,26 @@
 
 namespace server {
 
-/// One direction of the sun and what its maps hold.
+/// A cascade of one camera.
+struct CascadeOf {
+    const cache::ShadowCache& cache;
+    int cascade = 0;  ///< of that cache
+};
+
+/// One direction of the sun and what its maps hold. Its cascades are numbered camera by camera.
 struct Sun {
     culling::LightSpace space;
-    cache::ShadowCache cache;
+    std::vector<cache::ShadowCache> caches;  ///< per camera, all of the same cascades
     cache::Cause begin = cache::Cause::kStart;  ///< of its first drawing
+
+    CascadeOf of(int number) const {
+        const int each = caches.front().cascades();
+        return {caches[size_t(number / each)], number % each};
+    }
+    int cascades() const { return int(caches.size()) * caches.front().cascades(); }
+    /// All are, and owe nothing.
+    bool complete() const;
+    void forget();
 };
 
 /// One cascade's committed state, to be used with its maps and nothing else. Where ranges of depths follow the eye, a
@@ -30,7 +45,7 @@ struct CascadeView {
     glm::dmat3 lightFromWorld{1};
 };
 
-CascadeView viewOf(const Sun& sun, int cascade);
+CascadeView viewOf(const Sun& sun, int number);
 
 /// What a texel of a stored map is worth.
 enum class TexelState : uint8_t {
@@ -41,7 +56,7 @@ enum class TexelState : uint8_t {
 
 /// Per texel of a cascade's cache or working map, in stored order.
 ///   gaps  rectangles of its window that are stale whatever the cache says
-std::vector<TexelState> texelStates(const Sun& sun, int cascade, gpu::MapKind map,
+std::vector<TexelState> texelStates(const Sun& sun, int number, gpu::MapKind map,
                                     std::span<const cache::TexelRect> gaps = {});
 
 }  // namespace server

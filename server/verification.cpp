@@ -22,17 +22,18 @@ std::vector<std::string> castersAt(const ResidentScene& scene, size_t side, cons
 }
 
 /// Compares one map with the same kind of scratch map.
-Result<world::Done> compare(gpu::ShadowMaps& maps, const ResidentScene& scene, const Sun& sun, size_t side, int cascade,
+Result<world::Done> compare(gpu::ShadowMaps& maps, const ResidentScene& scene, const Sun& sun, size_t side, int number,
                             gpu::MapKind cached, gpu::MapKind redrawn, VerifyReport& report) {
-    const int place = int(sun.cache.map(cascade));
+    const auto [checked, cascade] = sun.of(number);
+    const int place = int(checked.map(cascade));
     auto a = maps.read(place, cached);
     if (!a) return a.error();
     auto b = maps.read(place, redrawn);
     if (!b) return b.error();
     const std::vector<float>&held = a.value(), &truth = b.value();
-    const std::vector<TexelState> states = texelStates(sun, cascade, cached);
-    const cache::Lattice& lattice = sun.cache.lattice(cascade);
-    const cache::Texel low = sun.cache.window(cascade).min;
+    const std::vector<TexelState> states = texelStates(sun, number, cached);
+    const cache::Lattice& lattice = checked.lattice(cascade);
+    const cache::Texel low = checked.window(cascade).min;
     for (size_t i = 0; i < held.size(); ++i) {
         if (states[i] == TexelState::kStale) {
             ++report.stale;
@@ -46,7 +47,7 @@ Result<world::Done> compare(gpu::ShadowMaps& maps, const ResidentScene& scene, c
         const auto at = static_cast<int64_t>(i);
         const cache::Texel stored(at % lattice.side, at / lattice.side);
         const cache::Texel texel = low + lattice.slot(stored - low);
-        report.first.push_back({cascade, cached, texel, held[i], right, castersAt(scene, side, lattice, texel)});
+        report.first.push_back({number, cached, texel, held[i], right, castersAt(scene, side, lattice, texel)});
     }
     return world::Done{};
 }
@@ -57,15 +58,17 @@ Result<VerifyReport> verify(gpu::ShadowMaps& maps, const ResidentScene& scene,
                             std::span<const std::unique_ptr<Sun>> suns, cache::FramePlan& plan) {
     std::vector<cache::CascadeStatistics> statistics;
     for (size_t side = 0; side < suns.size(); ++side)
-        suns[side]->cache.planRedraw(scene.view(side, false), plan, statistics);
+        for (const cache::ShadowCache& held : suns[side]->caches)
+            held.planRedraw(scene.view(side, false), plan, statistics);
     auto times = maps.redraw(plan);
     if (!times) return times.error();
     VerifyReport report;
     report.redraw = std::move(times.value());
     for (size_t side = 0; side < suns.size(); ++side) {
         const Sun& sun = *suns[side];
-        for (int c = 0; c < sun.cache.cascades(); ++c) {
-            if (!sun.cache.drawn(c)) continue;
+        for (int c = 0; c < sun.cascades(); ++c) {
+            const auto [held, cascade] = sun.of(c);
+            if (!held.drawn(cascade)) continue;
             for (const auto& [cached, redrawn] : {std::pair(gpu::MapKind::kCache, gpu::MapKind::kScratchCache),
                                                   std::pair(gpu::MapKind::kWorking, gpu::MapKind::kScratchWorking)})
                 if (auto done = compare(maps, scene, sun, side, c, cached, redrawn, report); !done) return done.error();

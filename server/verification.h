@@ -19,7 +19,7 @@ constexpr size_t kReported = 8;  ///< differences, and casters of each, that a r
 
 /// A texel that differs from the map drawn from scratch.
 struct Difference {
-    int cascade = 0;  ///< -1: of a spot light's map
+    int cascade = 0;  ///< its number; -1: of a spot light's map
     gpu::MapKind map = gpu::MapKind::kCache;
     cache::Texel texel{0};  ///< on the lattice; of a spot light, on its map
     float cached = 0, redrawn = 0;

@@ -39,6 +39,18 @@ world::Result<std::vector<MapHashes>> mapHashes(server::ShadowSystem& system) {
     return hashes;
 }
 
+/// Where a camera's poses lead from a frame on.
+std::vector<server::AheadEye> aheadOn(const ReplayInput& input, const std::vector<world::Pose>& poses, size_t index) {
+    std::vector<server::AheadEye> ahead;
+    for (size_t k = index + 1; k < poses.size(); ++k) {
+        const double seconds = input.poses[k].time - input.poses[index].time;
+        if (seconds > kForesight) break;
+        if (ahead.empty() || seconds >= ahead.back().seconds + kForesight / 16)
+            ahead.push_back({seconds, poses[k].position});
+    }
+    return ahead;
+}
+
 /// One step of the loop, up to the finished frame.
 world::Result<ReplayFrame> step(server::ShadowSystem& system, const ReplayInput& input, size_t index,
                                 MoverFeed* movers, Dump* dump) {
@@ -50,23 +62,19 @@ world::Result<ReplayFrame> step(server::ShadowSystem& system, const ReplayInput&
         if (const auto read = dump->before(system); !read) return read.error();
     }
 
-    server::FrameInput frameInput;
-    frameInput.time = pose.time;
-    frameInput.camera = {pose.position, pose.orientation, input.verticalFov, kAspect};
+    std::vector<server::Camera> others;
+    server::FrameInput frameInput = camerasAt(input, index, others);
     if (input.daySeconds > 0) {
         const double share = (pose.time - input.poses.front().time) / input.daySeconds;
         frameInput.sun = sunOfDay(std::min(share, 1.0));
     }
     if (movers) frameInput.objects = movers->at(pose.time);
-    std::vector<server::AheadEye> ahead;
+    std::vector<std::vector<server::AheadEye>> ahead;
     if (input.foresight) {
-        for (size_t k = index + 1; k < input.poses.size(); ++k) {
-            const double seconds = input.poses[k].time - pose.time;
-            if (seconds > kForesight) break;
-            if (ahead.empty() || seconds >= ahead.back().seconds + kForesight / 16)
-                ahead.push_back({seconds, input.poses[k].position});
-        }
-        frameInput.ahead = ahead;
+        ahead.push_back(aheadOn(input, input.poses, index));
+        for (const auto& poses : input.others) ahead.push_back(aheadOn(input, poses, index));
+        frameInput.camera.ahead = ahead[0];
+        for (size_t k = 0; k < others.size(); ++k) others[k].ahead = ahead[k + 1];
     }
     const auto start = std::chrono::steady_clock::now();
     auto report = system.advance(frameInput);
@@ -100,6 +108,19 @@ world::Result<ReplayFrame> step(server::ShadowSystem& system, const ReplayInput&
 glm::dvec3 sunOfDay(double share) {
     const double height = 5 + 55 * std::sin(glm::pi<double>() * share);
     return culling::sunFromAngles(glm::radians(90 + 180 * share), glm::radians(height));
+}
+
+server::FrameInput camerasAt(const ReplayInput& input, size_t index, std::vector<server::Camera>& others) {
+    const auto camera = [&](const world::Pose& pose) {
+        return server::Camera{pose.position, pose.orientation, input.verticalFov, kAspect, {}};
+    };
+    others.clear();
+    for (const auto& poses : input.others) others.push_back(camera(poses[index]));
+    server::FrameInput frame;
+    frame.time = input.poses[index].time;
+    frame.camera = camera(input.poses[index]);
+    frame.others = others;
+    return frame;
 }
 
 gpu::CascadeTimes timesOf(const gpu::GpuTimes& times, size_t cascade) {

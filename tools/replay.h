@@ -32,6 +32,7 @@ struct ReplayFrame {
 
 struct ReplayInput {
     std::vector<world::Pose> poses;  ///< one per frame, ascending in time, not empty
+    std::vector<std::vector<world::Pose>> others;  ///< the same of each further camera; times are those of `poses`
     uint64_t firstNumber = 0;        ///< of poses.front() in the replay
     /// Every so many frames, counted from frame 0, the maps are redrawn and compared; > 0. Frames that
     /// are dumped always are.
@@ -68,6 +69,10 @@ world::Result<world::Done> requirePathInWorld(const std::vector<world::Pose>& po
 
 /// Which frames are redrawn to time them when nobody asked to verify: about 60 of `frames`.
 uint64_t samplingStep(uint64_t frames);
+
+/// What the cameras see in a frame; nothing else of it is filled in.
+///   others  replaced: the further cameras, to which the answer refers
+server::FrameInput camerasAt(const ReplayInput& input, size_t index, std::vector<server::Camera>& others);
 
 /// Plays the input into the system. `movers` and `dump` may be null. `onFrame` gets each frame in
 /// order and can end the replay with an error. Errors of the system pass through, with the frame's

@@ -40,7 +40,7 @@ struct StressResult {
 /// Called with each finished frame of a case.
 using StressFrame = std::function<world::Result<world::Done>(const ReplayFrame&)>;
 
-/// What the lock-step run of a case holds at most: what "the memory that it needs" means.
+/// What the lock-step run of a case's first camera holds at most: what "the memory that it needs" means.
 struct StressNeed {
     uint64_t memory = 0, geometry = 0;  ///< bytes
 };

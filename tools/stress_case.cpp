@@ -13,6 +13,10 @@
 namespace tools {
 namespace {
 
+/// Of the memory that one camera needs, for any number side by side: chunks that are read ahead, and those that only
+/// the outer ones need.
+constexpr double kRowShare = 1.25;
+
 /// How long an eye rests before it starts and at the end [s]: the last is long enough for the slowest disk below to
 /// bring what is still wanted.
 constexpr double kLead = 10, kRest = 30;
@@ -127,6 +131,16 @@ std::vector<std::pair<size_t, world::TerrainEdit>> shafts(const world::WorldStor
     return edits;
 }
 
+/// Further cameras: so many more, side by side with the first.
+void flank(StressCase& c, int more, double gap) {
+    for (int k = 1; k <= more; ++k) {
+        c.others.push_back(c.poses);
+        const double aside = (k % 2 == 0 ? 1 : -1) * gap * ((k + 1) / 2);
+        for (world::Pose& pose : c.others.back()) pose.position.z += aside;
+    }
+    c.config.cameras = 1 + more;
+}
+
 class Cases {
 public:
     Cases(const world::WorldStore& store, const StressPlan& plan) : middle_(middleOf(store)), plan_(plan) {}
@@ -134,11 +148,14 @@ public:
         StressCase c;
         c.name = name;
         c.what = what;
-        play(c, plan_.seconds, [&](double t) { return world::Pose{t, middle_.at + way(t), {1, 0, 0, 0}}; });
+        fly(c, way);
         c.config = plan_.config;
         c.config.streaming.disk.seed = plan_.seed;
         list.push_back(std::move(c));
         return list.back();
+    }
+    void fly(StressCase& c, const Way& way) const {
+        play(c, plan_.seconds, [&](double t) { return world::Pose{t, middle_.at + way(t), {1, 0, 0, 0}}; });
     }
     const Middle& middle() const { return middle_; }
     std::vector<StressCase> list;
@@ -189,6 +206,20 @@ std::vector<StressCase> stressCases(const world::WorldStore& store, const Stress
         StressCase& edits = cases.add("edits", "a shaft is dug twice a second, near the eye and far off, at 50 m/s", flight);
         edits.edits = shafts(store, edits, plan.seed);
     }
+    for (const int count : {2, 4, 8}) {
+        StressCase& row = cases.add("cameras-" + std::to_string(count),
+                                    std::to_string(count) + " cameras side by side, in little more memory than one needs",
+                                    flight);
+        flank(row, count - 1, 10);
+        row.memoryShare = kRowShare;
+    }
+    StressCase& apart = cases.add("cameras-apart", "four cameras, each on its own way", flight);
+    for (const Way& way : {orbit(200, 50), pingPong(cases.middle().chunk, 30, 20), winding(30)}) {
+        StressCase other;
+        cases.fly(other, way);
+        apart.others.push_back(std::move(other.poses));
+    }
+    apart.config.cameras = 4;
     StressCase& all = cases.add("all", "jumps, a low sun, half the memory, and a slow disk that stalls and fails",
                                 teleports(plan.seed + 1, 3 * plan.config.farDistance, seconds));
     all.config = low.config;

@@ -16,10 +16,11 @@ namespace tools {
 struct StressCase {
     std::string name, what;          ///< a word; a line for people
     std::vector<world::Pose> poses;  ///< 30 a second: at rest, moving, at rest
+    std::vector<std::vector<world::Pose>> others;  ///< the same of each further camera
     size_t start = 0, end = 0;       ///< those from `start` to before `end` move
     server::ShadowConfig config;
     std::vector<std::pair<size_t, world::TerrainEdit>> edits;  ///< frames after which the ground is edited, ascending
-    double memoryShare = 0;     ///< of what the first straight flight needs; 0: plenty
+    double memoryShare = 0;     ///< of what the first camera alone needs; 0: plenty
     bool mayLack = false;       ///< texels may be wrong while the eye moves; they must be known to be
     bool losesChunks = false;   ///< some chunks cannot be read at all
     bool foresight = false;     ///< the way is told beforehand
