@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <functional>
 #include <glm/glm.hpp>
+#include <iterator>
 #include <limits>
 #include <random>
 #include <utility>
@@ -12,10 +14,6 @@
 
 namespace tools {
 namespace {
-
-/// Of the memory that one camera needs, for any number side by side: chunks that are read ahead, and those that only
-/// the outer ones need.
-constexpr double kRowShare = 1.25;
 
 /// How long an eye rests before it starts and at the end [s]: the last is long enough for the slowest disk below to
 /// bring what is still wanted.
@@ -151,18 +149,21 @@ public:
         fly(c, way);
         c.config = plan_.config;
         c.config.streaming.disk.seed = plan_.seed;
-        list.push_back(std::move(c));
-        return list.back();
+        list_.push_back(std::move(c));
+        return list_.back();
     }
     void fly(StressCase& c, const Way& way) const {
         play(c, plan_.seconds, [&](double t) { return world::Pose{t, middle_.at + way(t), {1, 0, 0, 0}}; });
     }
     const Middle& middle() const { return middle_; }
-    std::vector<StressCase> list;
+    std::vector<StressCase> take() && {
+        return {std::make_move_iterator(list_.begin()), std::make_move_iterator(list_.end())};
+    }
 
 private:
     Middle middle_;
     const StressPlan& plan_;
+    std::deque<StressCase> list_;  ///< which stay where they are while others are added
 };
 
 }  // namespace
@@ -208,10 +209,10 @@ std::vector<StressCase> stressCases(const world::WorldStore& store, const Stress
     }
     for (const int count : {2, 4, 8}) {
         StressCase& row = cases.add("cameras-" + std::to_string(count),
-                                    std::to_string(count) + " cameras side by side, in little more memory than one needs",
+                                    std::to_string(count) + " cameras two metres apart, in the memory that one needs",
                                     flight);
-        flank(row, count - 1, 10);
-        row.memoryShare = kRowShare;
+        flank(row, count - 1, 2);
+        row.memoryShare = 1;
     }
     StressCase& apart = cases.add("cameras-apart", "four cameras, each on its own way", flight);
     for (const Way& way : {orbit(200, 50), pingPong(cases.middle().chunk, 30, 20), winding(30)}) {
@@ -235,7 +236,7 @@ std::vector<StressCase> stressCases(const world::WorldStore& store, const Stress
         play(cases.add("path", "the recorded path, from its beginning", flight), std::min(seconds, length),
              [&](double t) { return world::poseAt(plan.path, first + t); });
     }
-    return std::move(cases.list);
+    return std::move(cases).take();
 }
 
 std::vector<StressCase> prefetchCases(const world::WorldStore& store, const StressPlan& plan) {
@@ -252,7 +253,7 @@ std::vector<StressCase> prefetchCases(const world::WorldStore& store, const Stre
             c.mayLack = true;
         }
     }
-    return std::move(cases.list);
+    return std::move(cases).take();
 }
 
 }  // namespace tools
