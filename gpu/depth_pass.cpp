@@ -9,7 +9,7 @@ namespace gpu {
 
 using world::Result;
 
-Result<DepthPass> DepthPass::create(Device::Impl& device, uint32_t side, DepthFormat format, Projection projection) {
+Result<DepthPass> DepthPass::create(Device::Impl& device, DepthFormat format, Projection projection) {
     constexpr uint32_t kRow = sizeof(glm::vec4);
     static_assert(sizeof(glm::mat3x4) == 3 * kRow);
     const VkVertexInputBindingDescription bindings[] = {kPositionBinding,
@@ -24,22 +24,21 @@ Result<DepthPass> DepthPass::create(Device::Impl& device, uint32_t side, DepthFo
     vertices.pVertexBindingDescriptions = bindings;
     vertices.vertexAttributeDescriptionCount = 4;
     vertices.pVertexAttributeDescriptions = attributes;
-    DepthPass pass(device, side);
+    DepthPass pass(device);
     auto pipeline = projection == Projection::kParallel
-                        ? createDepthPipeline(device, kDepthVert, vertices, side, format, OutOfDepth::kClamped,
-                                              "depth pass")
-                        : createDepthPipeline(device, kSpotVert, vertices, side, format, OutOfDepth::kCut,
-                                              "spot depth pass");
+                        ? createDepthPipeline(device, kDepthVert, vertices, format, OutOfDepth::kClamped, "depth pass")
+                        : createDepthPipeline(device, kSpotVert, vertices, format, OutOfDepth::kCut, "spot depth pass");
     if (!pipeline) return pipeline.error();
     pass.pipeline_ = std::move(pipeline.value());
     return pass;
 }
 
-void DepthPass::record(VkCommandBuffer commands, const Image& map, const Work& work, const Buffers& buffers) {
-    beginDepth(commands, map, side_, VK_ATTACHMENT_LOAD_OP_LOAD);
+void DepthPass::record(VkCommandBuffer commands, const Image& map, uint32_t side, const Work& work,
+                       const Buffers& buffers) {
+    beginDepth(commands, map, side, VK_ATTACHMENT_LOAD_OP_LOAD);
     fillDepth(commands, work.unknowns, cache::kUnknownDepth, fillRects_);
     fillDepth(commands, work.clears, cache::kEmptyDepth, fillRects_);
-    vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline_.handle.raw());
+    bindDepth(commands, pipeline_, side);
     const VkBuffer vertices[] = {buffers.geometry.raw(), buffers.instances.raw()};
     const VkDeviceSize starts[] = {0, 0};
     vkCmdBindVertexBuffers(commands, 0, 2, vertices, starts);

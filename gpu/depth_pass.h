@@ -18,7 +18,7 @@ enum class Projection {
     kPerspective,  ///< a spot light's frame, as cache/spot_cache.h has it; what is nearer than near is cut off
 };
 
-/// One pipeline, created once; see gpu/depth_pipeline.h for its state.
+/// One pipeline, created once for maps of every size; see gpu/depth_pipeline.h for its state.
 class DepthPass {
 public:
     /// Draws that share a scissor.
@@ -37,17 +37,16 @@ public:
         const Buffer& commands;   ///< VkDrawIndexedIndirectCommand
     };
 
-    static world::Result<DepthPass> create(Device::Impl& device, uint32_t side, DepthFormat format,
+    static world::Result<DepthPass> create(Device::Impl& device, DepthFormat format,
                                            Projection projection = Projection::kParallel);
 
-    /// The map is in kAttachmentLayout. Never submits, waits or allocates.
-    void record(VkCommandBuffer commands, const Image& map, const Work& work, const Buffers& buffers);
+    /// The map, `side` texels a side, is in kAttachmentLayout. Never submits, waits or allocates.
+    void record(VkCommandBuffer commands, const Image& map, uint32_t side, const Work& work, const Buffers& buffers);
 
 private:
-    DepthPass(Device::Impl& device, uint32_t side) : device_(&device), side_(side) {}
+    explicit DepthPass(Device::Impl& device) : device_(&device) {}
 
     Device::Impl* device_;
-    uint32_t side_;
     DepthPipeline pipeline_;
     std::vector<VkClearRect> fillRects_;  ///< kept for its memory
 };

@@ -14,8 +14,8 @@ VkRect2D toVulkan(const cache::StoreRect& rect) {
 bool empty(const cache::StoreRect& rect) { return rect.max.x <= rect.min.x || rect.max.y <= rect.min.y; }
 
 Result<DepthPipeline> createDepthPipeline(Device::Impl& device, std::span<const uint32_t> vertexShader,
-                                          const VkPipelineVertexInputStateCreateInfo& vertices, uint32_t side,
-                                          DepthFormat format, OutOfDepth outside, const std::string& name) {
+                                          const VkPipelineVertexInputStateCreateInfo& vertices, DepthFormat format,
+                                          OutOfDepth outside, const std::string& name) {
     VkPipelineLayoutCreateInfo layoutInfo{};
     layoutInfo.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
     auto layout = PipelineLayoutHandle::create(device.owner, layoutInfo, name + " layout");
@@ -37,12 +37,9 @@ Result<DepthPipeline> createDepthPipeline(Device::Impl& device, std::span<const 
     assembly.sType = VK_STRUCTURE_TYPE_PIPELINE_INPUT_ASSEMBLY_STATE_CREATE_INFO;
     assembly.topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
 
-    const VkViewport wholeMap{0, 0, static_cast<float>(side), static_cast<float>(side), cache::kNearestDepth,
-                              1};
     VkPipelineViewportStateCreateInfo viewport{};
     viewport.sType = VK_STRUCTURE_TYPE_PIPELINE_VIEWPORT_STATE_CREATE_INFO;
     viewport.viewportCount = 1;
-    viewport.pViewports = &wholeMap;
     viewport.scissorCount = 1;
     VkPipelineRasterizationStateCreateInfo raster{};
     raster.sType = VK_STRUCTURE_TYPE_PIPELINE_RASTERIZATION_STATE_CREATE_INFO;
@@ -59,11 +56,11 @@ Result<DepthPipeline> createDepthPipeline(Device::Impl& device, std::span<const 
     depth.depthTestEnable = VK_TRUE;
     depth.depthWriteEnable = VK_TRUE;
     depth.depthCompareOp = VK_COMPARE_OP_LESS;
-    const VkDynamicState scissor = VK_DYNAMIC_STATE_SCISSOR;
+    const VkDynamicState states[] = {VK_DYNAMIC_STATE_VIEWPORT, VK_DYNAMIC_STATE_SCISSOR};
     VkPipelineDynamicStateCreateInfo dynamic{};
     dynamic.sType = VK_STRUCTURE_TYPE_PIPELINE_DYNAMIC_STATE_CREATE_INFO;
-    dynamic.dynamicStateCount = 1;
-    dynamic.pDynamicStates = &scissor;
+    dynamic.dynamicStateCount = 2;
+    dynamic.pDynamicStates = states;
     VkPipelineRenderingCreateInfo rendering{};
     rendering.sType = VK_STRUCTURE_TYPE_PIPELINE_RENDERING_CREATE_INFO;
     rendering.depthAttachmentFormat = toVulkan(format);
@@ -84,6 +81,13 @@ Result<DepthPipeline> createDepthPipeline(Device::Impl& device, std::span<const 
     auto handle = PipelineHandle::create(device.owner, info, name);
     if (!handle) return handle.error();
     return DepthPipeline{std::move(layout.value()), std::move(handle.value())};
+}
+
+void bindDepth(VkCommandBuffer commands, const DepthPipeline& pipeline, uint32_t side) {
+    vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline.handle.raw());
+    const auto edge = static_cast<float>(side);
+    const VkViewport wholeMap{0, 0, edge, edge, cache::kNearestDepth, 1};
+    vkCmdSetViewport(commands, 0, 1, &wholeMap);
 }
 
 void beginDepth(VkCommandBuffer commands, const Image& map, uint32_t side, VkAttachmentLoadOp load) {

@@ -16,16 +16,18 @@ namespace gpu {
 enum class OutOfDepth { kClamped, kCut };
 
 /// Triangle lists; depth test LESS, both faces, viewport (0, 0, side, side), depth [0, 1] mapped to
-/// [kNearestDepth, 1]. Since only the scissor ever changes, what a triangle leaves in a texel does not
-/// depend on the pass that drew it. The shader's only inputs are vertex attributes.
+/// [kNearestDepth, 1]. Since only the scissor ever changes on a map, what a triangle leaves in a texel does not
+/// depend on the pass that drew it. The shader's only inputs are vertex attributes. One serves maps of every
+/// size: on a software driver each takes 0.3 MB for as long as it is there.
 struct DepthPipeline {
     PipelineLayoutHandle layout;
     PipelineHandle handle;
 };
 world::Result<DepthPipeline> createDepthPipeline(Device::Impl& device, std::span<const uint32_t> vertexShader,
                                                  const VkPipelineVertexInputStateCreateInfo& vertices,
-                                                 uint32_t side, DepthFormat format, OutOfDepth outside,
-                                                 const std::string& name);
+                                                 DepthFormat format, OutOfDepth outside, const std::string& name);
+/// Binds it for a map of `side` texels a side.
+void bindDepth(VkCommandBuffer commands, const DepthPipeline& pipeline, uint32_t side);
 
 /// Positions: three floats a vertex, binding 0, location 0.
 constexpr VkVertexInputBindingDescription kPositionBinding{0, 3 * sizeof(float), VK_VERTEX_INPUT_RATE_VERTEX};

@@ -101,7 +101,7 @@ Result<std::unique_ptr<Floor>> Floor::create(Device& device, const ShadowMapsCon
     vertices.pVertexBindingDescriptions = &kPositionBinding;
     vertices.vertexAttributeDescriptionCount = 1;
     vertices.pVertexAttributeDescriptions = &kPosition;
-    auto pipeline = createDepthPipeline(d, kFloorVert, vertices, side, config.format, OutOfDepth::kClamped, "floor");
+    auto pipeline = createDepthPipeline(d, kFloorVert, vertices, config.format, OutOfDepth::kClamped, "floor");
     if (!pipeline) return pipeline.error();
     auto maps = createCascadeMaps(d, config, "floor ");
     if (!maps) return maps.error();
@@ -171,7 +171,7 @@ void Floor::discard() { impl_->prepared.clear(); }
 
 void Floor::Impl::draw(VkCommandBuffer commands, const Prepared& plan, std::span<const Draw> draws) const {
     if (plan.buffer.bytes == 0) return;
-    vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline.handle.raw());
+    bindDepth(commands, pipeline, static_cast<uint32_t>(config.side));
     const VkBuffer buffer = plan.buffer.raw();
     const VkDeviceSize start = 0;
     vkCmdBindVertexBuffers(commands, 0, 1, &buffer, &start);

@@ -4,6 +4,7 @@
 #include <array>
 #include <chrono>
 #include <cstring>
+#include <map>
 #include <optional>
 
 #include "gpu/cascade_maps.h"
@@ -100,7 +101,7 @@ double msSince(std::chrono::steady_clock::time_point start) {
 struct ShadowMaps::Impl {
     Device::Impl& device;
     ShadowMapsConfig config;
-    DepthPass pass;
+    std::map<DepthFormat, DepthPass> passOf;  ///< each made once: drivers keep something of a pipeline that is gone
     GeometryStore geometry;
     std::optional<Readback> readback;        ///< made at the first read
     std::vector<CascadeMaps> maps, scratch;  ///< scratch: made at first use
@@ -114,6 +115,7 @@ struct ShadowMaps::Impl {
     std::vector<Place> places;                   ///< last: they wait before anything that they use goes
 
     Result<std::vector<CascadeMaps>> makeMaps(const ShadowMapsConfig& of, const std::string& prefix);
+    Result<Done> needPass(DepthFormat format);
     Result<Done> needScratch();
     void check(const FramePlan& plan) const;
     Result<Done> fill(const FramePlan& plan, const FramePlan& spotPlan, Place& place);
@@ -137,11 +139,9 @@ Result<std::unique_ptr<ShadowMaps>> ShadowMaps::create(Device& device, const Sha
     if (const auto good = requireSide(d, config.side); !good) return good.error();
     auto geometry = GeometryStore::create(d, config.geometryBytes);
     if (!geometry) return geometry.error();
-    auto pass = DepthPass::create(d, static_cast<uint32_t>(config.side), config.format);
-    if (!pass) return pass.error();
     std::unique_ptr<Impl> impl(new Impl{.device = d,
                                         .config = config,
-                                        .pass = std::move(pass.value()),
+                                        .passOf = {},
                                         .geometry = std::move(geometry.value()),
                                         .readback = {},
                                         .maps = {},
@@ -151,6 +151,7 @@ Result<std::unique_ptr<ShadowMaps>> ShadowMaps::create(Device& device, const Sha
                                         .copies = {},
                                         .outcomes = {},
                                         .places = {}});
+    if (const auto made = impl->needPass(config.format); !made) return made.error();
     auto places = makePlaces(d, config);
     if (!places) return places.error();
     impl->places = std::move(places.value());
@@ -176,6 +177,14 @@ Result<std::vector<CascadeMaps>> ShadowMaps::Impl::makeMaps(const ShadowMapsConf
     return made;
 }
 
+Result<Done> ShadowMaps::Impl::needPass(DepthFormat format) {
+    if (passOf.contains(format)) return Done{};
+    auto pass = DepthPass::create(device, format);
+    if (!pass) return pass.error();
+    passOf.emplace(format, std::move(pass.value()));
+    return Done{};
+}
+
 Result<Done> ShadowMaps::Impl::needScratch() {
     if (!scratch.empty()) return Done{};
     auto made = makeMaps(config, "scratch ");
@@ -196,12 +205,7 @@ Result<Done> ShadowMaps::reshape(std::span<const int> from, int side, DepthForma
     const bool same = side == impl.config.side && format == impl.config.format;
     auto places = makePlaces(impl.device, config);
     if (!places) return places.error();
-    std::optional<DepthPass> pass;  // another one only where it must be: drivers keep something of each
-    if (!same) {
-        auto made = DepthPass::create(impl.device, static_cast<uint32_t>(side), format);
-        if (!made) return made.error();
-        pass = std::move(made.value());
-    }
+    if (const auto made = impl.needPass(format); !made) return made;
     ShadowMapsConfig missing = config;
     missing.cascades = static_cast<int>(std::count(from.begin(), from.end(), -1));
     auto fresh = impl.makeMaps(missing, "");
@@ -216,7 +220,6 @@ Result<Done> ShadowMaps::reshape(std::span<const int> from, int side, DepthForma
     impl.maps = std::move(maps);
     impl.scratch.clear();
     impl.readback.reset();
-    if (pass) impl.pass = std::move(*pass);
     impl.places = std::move(places.value());
     impl.next = 0;
     impl.config = config;
@@ -299,13 +302,15 @@ void ShadowMaps::Impl::record(VkCommandBuffer commandBuffer, const FramePlan& pl
     Frame& frame = place.frame;
     std::vector<CascadeWork>& work = place.work;
     const size_t count = plan.cascades.size();
+    const auto side = static_cast<uint32_t>(config.side);
+    DepthPass& pass = passOf.at(config.format);
     frame.stamp();
     for (size_t c = 0; c < count; ++c)
         if (drawsStatic(plan.cascades[c])) frame.need(target[c].cacheMap, Use::kAttachment);
     frame.barrier();
     for (size_t c = 0; c < count; ++c) {
         if (!drawsStatic(plan.cascades[c])) continue;
-        pass.record(commandBuffer, target[c].cacheMap.image,
+        pass.record(commandBuffer, target[c].cacheMap.image, side,
                     {plan.cascades[c].unknowns, plan.cascades[c].clears, work[c].staticDraws}, buffers);
         work[c].staticEnd = frame.stamp();
     }
@@ -325,7 +330,7 @@ void ShadowMaps::Impl::record(VkCommandBuffer commandBuffer, const FramePlan& pl
     frame.barrier();
     for (size_t c = 0; c < count; ++c) {
         if (plan.cascades[c].activePasses.empty()) continue;
-        pass.record(commandBuffer, target[c].working.image, {{}, {}, work[c].activeDraws}, buffers);
+        pass.record(commandBuffer, target[c].working.image, side, {{}, {}, work[c].activeDraws}, buffers);
         work[c].activeEnd = frame.stamp();
     }
 }

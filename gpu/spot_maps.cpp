@@ -51,11 +51,10 @@ Result<Done> SpotMaps::add(int side) {
                                                           device_->name + "' draws at most " +
                                                           std::to_string(device_->maxSide) + "; lower the resolution"};
     if (const auto made = needFrame(); !made) return made;
-    if (!pipelines_.contains(side)) {
-        auto pass =
-            DepthPass::create(*device_, static_cast<uint32_t>(side), DepthFormat::kD32, Projection::kPerspective);
+    if (!pass_) {
+        auto pass = DepthPass::create(*device_, DepthFormat::kD32, Projection::kPerspective);
         if (!pass) return pass.error();
-        pipelines_.emplace(side, std::move(pass.value()));
+        pass_.emplace(std::move(pass.value()));
     }
     const std::string name = "spot " + std::to_string(named_++) + ' ';
     auto maps = makeMaps(side, name);
@@ -71,7 +70,10 @@ Result<Done> SpotMaps::add(int side) {
 
 void SpotMaps::remove(size_t light) {
     CHECK(light < lights_.size());
+    const int side = lights_[light].side;
     lights_.erase(lights_.begin() + static_cast<std::ptrdiff_t>(light));
+    if (std::none_of(lights_.begin(), lights_.end(), [side](const Light& l) { return l.side == side; }))
+        readbacks_.erase(side);
 }
 
 Result<Done> SpotMaps::needScratch() {
@@ -128,7 +130,8 @@ void SpotMaps::record(Frame& frame, VkCommandBuffer commands, const FramePlan& p
     frame.barrier();
     each([&](const CascadePlan& p, Light& light, CascadeMaps& maps) {
         if (!drawsStatic(p)) return;
-        pipelines_.at(light.side).record(commands, maps.cacheMap.image, {{}, p.clears, light.staticDraws}, buffers);
+        pass_->record(commands, maps.cacheMap.image, static_cast<uint32_t>(light.side),
+                      {{}, p.clears, light.staticDraws}, buffers);
     });
     each([&](const CascadePlan& p, Light&, CascadeMaps& maps) {
         if (p.restores.empty()) return;
@@ -143,7 +146,8 @@ void SpotMaps::record(Frame& frame, VkCommandBuffer commands, const FramePlan& p
     frame.barrier();
     each([&](const CascadePlan& p, Light& light, CascadeMaps& maps) {
         if (p.activePasses.empty()) return;
-        pipelines_.at(light.side).record(commands, maps.working.image, {{}, {}, light.activeDraws}, buffers);
+        pass_->record(commands, maps.working.image, static_cast<uint32_t>(light.side), {{}, {}, light.activeDraws},
+                      buffers);
     });
 }
 

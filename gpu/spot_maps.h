@@ -50,8 +50,8 @@ private:
     world::Result<world::Done> submitAndWait();
 
     Device::Impl* device_;
-    std::map<int, DepthPass> pipelines_;  ///< by side
-    std::map<int, Readback> readbacks_;   ///< likewise, made at the first read
+    std::optional<DepthPass> pass_;      ///< made with the first light
+    std::map<int, Readback> readbacks_;  ///< by side, while a light has it; made at the first read
     std::vector<Light> lights_;
     std::vector<VkImageCopy> copies_;  ///< kept for its memory
     uint64_t named_ = 0;

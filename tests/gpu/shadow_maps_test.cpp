@@ -481,6 +481,23 @@ TEST_F(Maps, GeometryIsReusedAfterRelease) {
     EXPECT_GT(refusals, 10u);
 }
 
+TEST_F(Maps, OtherMapsOfAKnownFormatNeedNoOtherPipeline) {
+    makeMaps(64, 2);
+    const std::atomic<uint64_t>& created = device->impl().owner.created;
+    const int fresh[] = {-1, -1};
+    const auto reshape = [&](int side, DepthFormat format) {
+        const uint64_t before = created;
+        EXPECT_TRUE(maps->reshape(fresh, side, format));
+        return created - before;
+    };
+    const uint64_t same = reshape(64, DepthFormat::kD32);
+    EXPECT_GT(reshape(64, DepthFormat::kD16), same) << "its first pipeline";
+    for (int round = 0; round < 3; ++round) {
+        EXPECT_EQ(reshape(128, DepthFormat::kD32), same);
+        EXPECT_EQ(reshape(96, DepthFormat::kD16), same);
+    }
+}
+
 TEST_F(Maps, EmptyGeometryTakesNoSpaceAndDrawsNothing) {
     makeMaps(16, 1, 1000);
     const cache::GeometryId id = upload({});

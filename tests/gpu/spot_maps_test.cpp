@@ -126,6 +126,21 @@ TEST_F(SpotMaps, LightsOfAnySizeComeAndGo) {
     EXPECT_EQ(tooLarge.error().code, world::ErrorCode::kLimit);
 }
 
+TEST_F(SpotMaps, LightsOfManySizesLeaveNothingBehind) {
+    const std::atomic<uint64_t>& created = device->impl().owner.created;
+    std::vector<uint64_t> made;  // for each light
+    for (const int side : {64, 200, 96, 200, 64}) {
+        const uint64_t before = created;
+        ASSERT_TRUE(maps->addSpot(side));
+        readSpot(0, MapKind::kCache);
+        made.push_back(created - before);
+        ASSERT_TRUE(maps->removeSpot(0));
+    }
+    // The first one makes the pipeline and the frame; each makes its maps, and what it is read with.
+    EXPECT_GT(made[0], made[1]);
+    for (size_t i = 2; i < made.size(); ++i) EXPECT_EQ(made[i], made[1]);
+}
+
 TEST_F(SpotMaps, ASteadyStateMakesNothing) {
     const int mesh = int(upload(plane({0, 0, 2}, {0, 0, 1})));
     ASSERT_TRUE(maps->addSpot(64));
