@@ -88,19 +88,16 @@ Result<GeometryId> GeometryStore::upload(const world::MeshLevel& level) {
 void GeometryStore::release(GeometryId id, uint64_t lastReader) {
     CHECK(live(id));
     CHECK(retired_.empty() || retired_.back().lastReader <= lastReader);
-    slots_[id].live = false;
-    retired_.push_back({lastReader, id});
+    if (slots_[id].units > 0) retired_.push_back({lastReader, slots_[id].offset, slots_[id].units});
+    slots_[id] = {};
+    ranges_[id] = {};
+    freeIds_.push_back(id);
 }
 
 void GeometryStore::reclaim(uint64_t finished) {
     const auto end = std::find_if(retired_.begin(), retired_.end(),
                                   [finished](const Retired& r) { return r.lastReader > finished; });
-    for (auto r = retired_.begin(); r != end; ++r) {
-        if (slots_[r->id].units > 0) arena_.release(slots_[r->id].offset, slots_[r->id].units);
-        slots_[r->id] = {};
-        ranges_[r->id] = {};
-        freeIds_.push_back(r->id);
-    }
+    for (auto r = retired_.begin(); r != end; ++r) arena_.release(r->offset, r->units);
     retired_.erase(retired_.begin(), end);
 }
 

@@ -1,4 +1,4 @@
-// gpu/geometry_store.h — mesh levels in one arena of GPU memory; what is released goes back once no
+// gpu/geometry_store.h — mesh levels in one arena of GPU memory; the space of what is released goes back once no
 // submission can read it.
 #pragma once
 
@@ -22,7 +22,8 @@ public:
 
     /// Copies positions and indices into the arena. kLimit names the budget when it is full.
     world::Result<cache::GeometryId> upload(const world::MeshLevel& level);
-    /// The id is dead at once; its space and its number go back with `reclaim` of `lastReader` or later.
+    /// The id is dead and free at once: what a plan calls its meshes must not depend on how far the GPU is. Its space goes
+    /// back with `reclaim` of `lastReader` or later.
     void release(cache::GeometryId id, uint64_t lastReader);
     /// All submissions up to this ticket have finished.
     void reclaim(uint64_t finished);
@@ -42,7 +43,7 @@ private:
     };
     struct Retired {
         uint64_t lastReader = 0;
-        cache::GeometryId id = 0;
+        uint32_t offset = 0, units = 0;  ///< units > 0
     };
     explicit GeometryStore(uint32_t units) : arena_(units) {}
 

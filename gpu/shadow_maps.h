@@ -64,7 +64,7 @@ public:
 
     /// Copies positions and indices into the arena. kLimit names the budget when it is full.
     world::Result<cache::GeometryId> upload(const world::MeshLevel& level);
-    /// No later plan may draw it. Its space and its id go back once no submitted plan can read it.
+    /// No later plan may draw it. Its id is free at once, its space once no submitted plan can read it.
     void release(cache::GeometryId id);
     uint64_t geometryBytesUsed() const;  ///< with what is released and still read
     uint64_t uploadedBytes() const;      ///< since creation: geometry, instances and commands

@@ -137,6 +137,24 @@ TEST_F(FramesInFlight, ReleasedGeometryGoesBackWhenItsReadersHaveFinished) {
     EXPECT_EQ(maps->geometryBytesUsed(), 0u);
 }
 
+TEST_F(FramesInFlight, NumbersOfMeshesDoNotFollowTheGpu) {
+    const int side = 512;
+    makeMaps(side);
+    std::mt19937 rng(59);
+    const world::MeshLevel soup = triangleSoup(rng, 500);
+    cache::GeometryId id = upload(soup);
+    const uint64_t bytes = maps->geometryBytesUsed();
+    for (int i = 0; i < 5; ++i) {
+        const Ticket ticket = submit(randomScene(rng, side, 100, 10, side, {soup}, {id}).whole());
+        maps->release(id);
+        const cache::GeometryId next = upload(soup);
+        EXPECT_EQ(next, id) << "while the GPU reads, or when it has finished";
+        id = next;
+        finish(ticket);
+    }
+    EXPECT_EQ(maps->geometryBytesUsed(), bytes);
+}
+
 TEST_F(FramesInFlight, ASteadyStateCreatesNoObject) {
     const int side = 64;
     config.framesInFlight = 3;
