@@ -214,6 +214,7 @@ private:
     std::map<uint32_t, world::MeshSlot> meshSlots_;  ///< by mesh id
     std::map<world::ChunkKey, ResidentChunk> chunks_;
     std::map<world::ChunkKey, std::shared_ptr<const world::EditedChunk>> edited_;  ///< whose terrain counts
+    uint64_t editedBytes_ = 0;  ///< of those, in memory
     std::vector<Object> objects_;
     std::map<std::pair<world::ChunkKey, uint32_t>, ObjectId> adopted_;
     std::optional<std::vector<world::NamedInstance>> names_;

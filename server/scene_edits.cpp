@@ -64,6 +64,9 @@ world::Result<world::Done> ResidentScene::changeTerrain(std::shared_ptr<const wo
                 if (auto done = swapTerrain(resident->second, caster, *edited); !done) return done;
     streamer_.rebound(key, edited->record.bounds);
     outlook_.forget();  // it may be wanted now where it was not
+    if (const auto before = edited_.find(key); before != edited_.end()) editedBytes_ -= memoryBytes(*before->second);
+    editedBytes_ += memoryBytes(*edited);
+    streamer_.setAside(editedBytes_);
     edited_[key] = std::move(edited);
     return world::Done{};
 }

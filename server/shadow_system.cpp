@@ -78,7 +78,7 @@ ShadowSystem::Impl::Impl(const world::WorldStore& worldStore, const ShadowConfig
       mapsPerCamera(mapsFor(store, c, cascades)),
       scene(store, *maps, space, cascades, sceneConfig(c)),
       spots(*maps, c.sabotage),
-      edits(store, editor),
+      edits(store, editor, c.residentBytes / 2),
       motion(c.sunMotion, space.sun, c.method == Method::kGnomon),
       sunNow(space.sun) {
     suns.push_back(makeSun(space, 0, cache::Cause::kStart));

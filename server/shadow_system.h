@@ -69,7 +69,7 @@ struct ShadowConfig : MapSettings {
     uint32_t raysPerCluster = 4096;  ///< above this a cluster is simply drawn
     double restSeconds = 10;   ///< an active object is static after resting this long
     uint32_t promotionsPerFrame = 16;
-    uint64_t residentBytes = 4ull << 30;  ///< decoded chunks and meshes
+    uint64_t residentBytes = 4ull << 30;  ///< decoded chunks and meshes; edited chunks may take half of it
     StreamingConfig streaming{};
     uint64_t geometryBytes = 512ull << 20;  ///< GPU arena
     Budget budget;
@@ -119,7 +119,7 @@ struct FrameReport {
     uint64_t edits = 0;          ///< of the terrain, taken up in this frame
     uint64_t bytesRead = 0;      ///< decoded
     uint64_t bytesAgain = 0;     ///< of these, had been read before
-    uint64_t residentBytes = 0;  ///< decoded chunks and meshes, with what is being read
+    uint64_t residentBytes = 0;  ///< decoded chunks and meshes, with what is being read and what was edited
     uint64_t geometryBytes = 0;  ///< of what is resident, on the GPU
     uint64_t bytesUploaded = 0;  ///< to the GPU: geometry, transforms, commands
     uint64_t rays = 0;           ///< for certificates
@@ -173,8 +173,8 @@ public:
     world::Result<world::Done> remove(ObjectId object);
     /// Digs or fills, from the next frame on; in the order in which edits are given. Made on a thread of its own from
     /// here on, which `advance` waits for but under the live clock. Chunks need not be in memory. kUsage, kLimit and
-    /// kNotFound for an edit that makes no sense: then nothing happens. What goes wrong later is an error of the next
-    /// frame's report, and leaves the ground, and with an editor the file, as they were.
+    /// kNotFound for an edit that makes no sense: then nothing happens. What goes wrong later, and kLimit for more
+    /// edited chunks than memory may hold, is an error of the next frame's report, and leaves the ground, and with an editor the file, as they were.
     world::Result<world::Done> edit(const world::TerrainEdit& edit);
     /// Adds a cone of light, drawn from the next frame on. It is served by the chunks that the cameras need.
     /// kUsage for numbers that cannot work, kLimit for more than kMostSpots; the text names the number. After

@@ -4,7 +4,8 @@
 
 namespace server {
 
-TerrainEdits::TerrainEdits(const world::WorldStore& store, world::WorldEditor* editor) : terrain_(store, editor) {}
+TerrainEdits::TerrainEdits(const world::WorldStore& store, world::WorldEditor* editor, uint64_t mostBytes)
+    : terrain_(store, editor, mostBytes) {}
 
 TerrainEdits::~TerrainEdits() {
     {

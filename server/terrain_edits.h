@@ -2,6 +2,7 @@
 #pragma once
 
 #include <condition_variable>
+#include <cstdint>
 #include <deque>
 #include <memory>
 #include <mutex>
@@ -16,7 +17,8 @@ namespace server {
 class TerrainEdits {
 public:
     /// `store` must outlive it, and so must `editor`, to which edits are committed; null: they stay in memory.
-    TerrainEdits(const world::WorldStore& store, world::WorldEditor* editor);
+    ///   mostBytes  that edited chunks may take in memory; an edit that asks for more fails
+    TerrainEdits(const world::WorldStore& store, world::WorldEditor* editor, uint64_t mostBytes);
     /// Edits that were given and not begun are dropped.
     ~TerrainEdits();
     TerrainEdits(const TerrainEdits&) = delete;

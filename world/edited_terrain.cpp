@@ -7,6 +7,7 @@
 #include <string>
 
 #include "world/mesh_changes.h"
+#include "world/streamer.h"
 
 namespace world {
 namespace {
@@ -53,6 +54,12 @@ Result<EditedPointer> changed(const WorldStore& store, const EditedChunk& before
 }
 
 }  // namespace
+
+uint64_t memoryBytes(const EditedChunk& chunk) {
+    uint64_t bytes = chunk.set.leaves.size() * sizeof(LevelSetLeaf);
+    for (const LevelRecord& level : chunk.record.terrain) bytes += memoryBytes(level);
+    return bytes;
+}
 
 std::vector<ChunkKey> EditedTerrain::terrainWithin(const TerrainEdit& edit) const {
     std::vector<ChunkKey> keys = chunksWithin(edit, store_.header());
@@ -102,16 +109,24 @@ Result<std::vector<EditedPointer>> EditedTerrain::apply(const TerrainEdit& edit)
     });
     std::vector<EditedPointer> chunks;
     std::vector<ChangedChunk> rows;
+    uint64_t bytes = bytes_;
     for (const auto& result : made) {
         if (!*result) return result->error();
         const EditedPointer& chunk = result->value();
         if (!chunk) continue;
         chunks.push_back(chunk);
+        bytes += memoryBytes(*chunk);
+        if (const auto known = chunks_.find(chunk->record.key); known != chunks_.end()) bytes -= memoryBytes(*known->second);
         rows.push_back({chunk->record, chunk->set, chunk->terrain});
     }
+    if (bytes > mostBytes_)
+        return Error{ErrorCode::kLimit, "terrain edit: edited chunks would take " + std::to_string(bytes) +
+                                            " bytes of memory and may take " + std::to_string(mostBytes_) +
+                                            ", half of its budget; raise --memory-budget"};
     if (editor_ && !rows.empty())
         if (const Result<Done> committed = editor_->commit(rows); !committed) return committed.error();
     for (const EditedPointer& chunk : chunks) chunks_[chunk->record.key] = chunk;
+    bytes_ = bytes;
     return chunks;
 }
 

@@ -141,7 +141,7 @@ void Streamer::fit() {
     marked_.clear();
     ++fits_;
     uint64_t memory = 0, geometry = 0;
-    const uint64_t mostMemory = config_.memoryBytes - std::min(config_.memoryBytes / 2, largestChunk_);
+    const uint64_t mostMemory = memoryLimit() - std::min(memoryLimit() / 2, largestChunk_);
     std::vector<uint32_t> fresh;
     const auto count = [&](uint32_t id) {
         meshes_[id].mark = fits_;
@@ -194,10 +194,20 @@ StreamEvents Streamer::advance(double now) {
         for (const uint32_t i : resident_)
             if (chunks_[i].goal == kAbsent) leaving.push_back(i);
         for (const uint32_t i : leaving) drop(i, events);
+        leaving.clear();
+        uint64_t over = bytes_ - std::min(bytes_, memoryLimit());  // more was set aside: what is too fine comes again
+        for (const uint32_t i : resident_) {
+            const ChunkState& chunk = chunks_[i];
+            if (over == 0) break;
+            if (chunk.goal <= chunk.first || chunk.reading != kAbsent) continue;
+            over -= std::min(over, memoryOf(i, chunk.first));
+            leaving.push_back(i);
+        }
+        for (const uint32_t i : leaving) drop(i, events);
         for (const uint32_t i : resident_) {
             ChunkState& chunk = chunks_[i];
             if (chunk.goal <= chunk.first || chunk.reading != kAbsent) continue;
-            if (bytes_ + memoryOf(i, chunk.goal) > config_.memoryBytes) {  // after others have shrunk
+            if (bytes_ + memoryOf(i, chunk.goal) > memoryLimit()) {  // after others have shrunk
                 changed_ = true;
                 break;
             }
@@ -286,7 +296,7 @@ bool Streamer::ask(const Wanted& wanted, bool coarse, double now) {
     if (chunk.first == kAbsent)
         for (const uint32_t id : store_.chunks()[record].meshes)
             if (const MeshState& m = meshes_[id]; !m.mesh && !m.reading) need += m.bytes;
-    if (bytes_ + need > config_.memoryBytes) return false;
+    if (bytes_ + need > memoryLimit()) return false;
     bytes_ += need;
     peak_ = std::max(peak_, bytes_);
     chunk.reading = level;
@@ -457,8 +467,8 @@ Result<Done> Streamer::pin(uint32_t id) {
         return overBudget("the resident levels and mesh " + std::to_string(id), geometry_ + m.geometry,
                           config_.geometryBytes, "--gpu-budget");
     if (!m.mesh) {
-        if (bytes_ + m.bytes > config_.memoryBytes)
-            return overBudget("the resident chunks and mesh " + std::to_string(id), bytes_ + m.bytes,
+        if (bytes_ + m.bytes > memoryLimit())
+            return overBudget("the resident chunks and mesh " + std::to_string(id), residentBytes() + m.bytes,
                               config_.memoryBytes, "--memory-budget");
         Result<Mesh> mesh = store_.readMesh(id);
         if (!mesh) {

@@ -3,6 +3,7 @@
 // levels first, refined later); the rest is our own.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <limits>
@@ -86,6 +87,9 @@ public:
     /// was not there), and nothing more is handed out until something has left.
     void refuse(ChunkKey key, std::shared_ptr<const Chunk> held, double now);
 
+    /// So much of the memory is taken by somebody else from now on. To be followed by `want`.
+    void setAside(uint64_t bytes) { aside_ = bytes; }
+
     /// Keeps a mesh resident whatever chunks come and go. Reads it now if needed (then it is
     /// in no later meshArrivals). kLimit if it does not fit the budget; errors of the store pass through.
     Result<Done> pin(uint32_t mesh);
@@ -97,7 +101,7 @@ public:
 
     bool resident(ChunkKey key) const;
     size_t residentChunks() const { return resident_.size(); }
-    uint64_t residentBytes() const { return bytes_; }     ///< decoded, with what is being read
+    uint64_t residentBytes() const { return bytes_ + aside_; }  ///< decoded, with what is being read and set aside
     uint64_t geometryBytes() const { return geometry_; }  ///< of what is resident
     uint64_t peakBytes() const { return peak_; }
     /// A resident mesh; CHECKs that it is.
@@ -135,6 +139,7 @@ private:
         Want want;
         uint8_t level = 0;  ///< the coarsest that is fine enough
     };
+    uint64_t memoryLimit() const { return config_.memoryBytes - std::min(config_.memoryBytes, aside_); }
     uint8_t coarsest(uint32_t record) const;
     /// Of a chunk with the levels from `first` on; none for kAbsent. Without its meshes.
     uint64_t memoryOf(uint32_t record, uint8_t first) const;
@@ -154,6 +159,7 @@ private:
     StreamerConfig config_;
     std::unique_ptr<Reads> reads_;
     uint64_t bytes_ = 0, peak_ = 0, geometry_ = 0;
+    uint64_t aside_ = 0;
     uint64_t geometryLimit_;  ///< less than the budget after a refusal
     uint64_t largestChunk_ = 0;  ///< [bytes]: room in which one can be exchanged for a finer one
     uint32_t fits_ = 0;

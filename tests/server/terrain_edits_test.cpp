@@ -405,4 +405,40 @@ TEST(TerrainEdits, AnEditThatCannotBeWrittenChangesNothing) {
     tests::expectSilence();
 }
 
+TEST(TerrainEdits, CountToTheMemoryBudget) {
+    uint64_t need = 0;
+    {
+        const auto roomy = make(hills(), small());
+        need = frame(*roomy, kMiddle).residentBytes;
+    }
+    ShadowConfig config = small();
+    config.residentBytes = need + need / 2;  // what is there must shrink
+    const auto system = make(hills(), config);
+    frame(*system, kMiddle);
+    Edits edits(kMiddle, 150, 5);
+    std::vector<world::Error> errors;
+    uint64_t most = 0, made = 0;
+    for (int i = 0; i < 60 && errors.empty(); ++i) {
+        ASSERT_TRUE(system->edit(edits.next()));
+        server::FrameInput input;
+        input.camera.position = kMiddle;
+        const FrameReport report = system->advance(input).value();
+        most = std::max(most, report.residentBytes);
+        made += report.edits;
+        errors = report.errors;
+        ASSERT_LE(report.residentBytes, config.residentBytes);
+        if (i % 5 == 0 || !errors.empty()) {
+            ASSERT_EQ(differing(*system), 0u) << "edit " << i;
+        }
+    }
+    ASSERT_EQ(errors.size(), 1u) << "after " << made << " edits " << most << " of " << config.residentBytes << " bytes";
+    EXPECT_EQ(errors[0].code, world::ErrorCode::kLimit);
+    EXPECT_NE(errors[0].what.find("raise --memory-budget"), std::string::npos) << errors[0].what;
+    EXPECT_GT(made, 2u);
+    EXPECT_GT(most, config.residentBytes / 2) << "the rest is still the streamer's";
+    const FrameReport still = frame(*system, kMiddle);
+    EXPECT_EQ(staticTexels(still), 0u) << "an edit that failed changed nothing";
+    tests::expectSilence();
+}
+
 }  // namespace
