@@ -65,6 +65,8 @@ public:
     void addStatic(world::CasterId id, const world::CasterTable& table);
     /// Bounds clusters by their turned boxes: cheap and wider, for casters that move.
     void addActive(world::CasterId id, const world::CasterTable& table);
+    /// Keeps nothing of the caster, which was added or lies below `reserve`: its bounds are empty.
+    void remove(world::CasterId id) { casters_[id] = {}; }
 
     const LightCaster& operator[](world::CasterId id) const { return casters_[id]; }
     int level(world::CasterId id, int cascade) const {

@@ -20,6 +20,10 @@ size_t Occlusion::remove(std::span<const world::CasterId> casters) {
         if (id >= provenBy_.size()) continue;
         if (config_.sticky) provenBy_[id].clear();
         for (; !provenBy_[id].empty(); ++revoked) kill(provenBy_[id].back());
+        // Another caster will have the number: what this one had room for must not stay with it.
+        bits_[id] = {};
+        ownedBy_[id] = std::vector<uint32_t>();
+        provenBy_[id] = std::vector<uint32_t>();
     }
     return revoked;
 }

@@ -152,6 +152,12 @@ void ResidentScene::depart(world::CasterId caster, cache::Cause cause) {
     worldDepartures_.push_back({table_[caster].bounds, cause});
 }
 
+/// All that is known of it goes, last of all.
+void ResidentScene::removeCaster(world::CasterId caster) {
+    for (auto& side : sides_) side->light.remove(caster);
+    table_.remove(caster);
+}
+
 size_t ResidentScene::revoke(std::span<const world::CasterId> casters) {
     size_t revoked = 0;
     for (auto& side : sides_)
@@ -182,7 +188,7 @@ world::Result<world::CasterId> ResidentScene::addStatic(world::MeshSlot mesh, co
     const world::CasterId id = table_.add(mesh, placement, world::CasterState::kStatic, origin);
     placeStatic(id);
     if (auto done = uploadLevels(shown().light, id); !done) {
-        table_.remove(id);
+        removeCaster(id);
         return done.error();
     }
     statics_.insert(id, table_[id].bounds);
@@ -202,9 +208,11 @@ world::Result<ObjectId> ResidentScene::adopt(const std::string& name) {
         return world::Error{world::ErrorCode::kNotFound,
                             store_.path() + ": no caster is named \"" + name + "\"; names come from the source's nodes"};
     const std::pair<world::ChunkKey, uint32_t> place{named->chunk, named->slot};
-    if (const auto known = adopted_.find(place); known != adopted_.end()) return known->second;
-    const auto id = static_cast<ObjectId>(objects_.size());
-    const world::CasterOrigin origin{named->chunk, static_cast<int32_t>(named->slot), static_cast<int32_t>(id)};
+    if (const auto known = adopted_.find(place); known != adopted_.end()) {
+        if (auto object = living(known->second); !object) return object.error();
+        return known->second;
+    }
+    const world::CasterOrigin origin{named->chunk, static_cast<int32_t>(named->slot), int64_t(nextObject_)};
 
     auto chunk = store_.readChunk(named->chunk);
     if (!chunk) return chunk.error();
@@ -232,9 +240,9 @@ world::Result<ObjectId> ResidentScene::adopt(const std::string& name) {
         if (!caster) return caster.error();
         object.caster = caster.value();
     }
-    objects_.push_back(object);
-    adopted_.emplace(place, id);
-    return id;
+    objects_.emplace(nextObject_, object);
+    adopted_.emplace(place, nextObject_);
+    return nextObject_++;
 }
 
 world::Result<world::MeshSlot> ResidentScene::pinnedMesh(uint32_t mesh) {
@@ -244,13 +252,12 @@ world::Result<world::MeshSlot> ResidentScene::pinnedMesh(uint32_t mesh) {
     return slot->second;
 }
 
-world::Result<world::Done> ResidentScene::requireAlive(ObjectId object) const {
-    const std::string name = "object " + std::to_string(object);
-    if (object >= objects_.size())
-        return world::Error{world::ErrorCode::kNotFound, name + ": there is none of that number; adopt or spawn it first"};
-    if (!objects_[object].alive)
-        return world::Error{world::ErrorCode::kNotFound, name + ": it was removed; spawn another"};
-    return world::Done{};
+world::Result<const ResidentScene::Object*> ResidentScene::living(ObjectId object) const {
+    if (const auto at = objects_.find(object); at != objects_.end()) return &at->second;
+    return world::Error{world::ErrorCode::kNotFound,
+                        "object " + std::to_string(object) +
+                            (object < nextObject_ ? ": it was removed; spawn another"
+                                                  : ": there is none of that number; adopt or spawn it first")};
 }
 
 world::Result<world::Done> ResidentScene::requirePlaceable(const std::string& who, const world::Mesh& mesh,
@@ -278,9 +285,8 @@ world::Result<ObjectId> ResidentScene::spawn(uint32_t mesh, const world::Placeme
     if (!slot) return slot.error();
     if (auto fits = requirePlaceable(who, *table_.mesh(slot.value()).mesh, placement, traits.margin); !fits)
         return fits.error();
-    const auto id = static_cast<ObjectId>(objects_.size());
     Object object{.rest = placement, .deforms = traits.deforms};
-    const world::CasterOrigin origin{{}, -1, static_cast<int32_t>(id)};
+    const world::CasterOrigin origin{{}, -1, int64_t(nextObject_)};
     if (traits.atRest) {
         auto caster = addStatic(slot.value(), placement, origin);
         if (!caster) return caster.error();
@@ -289,15 +295,15 @@ world::Result<ObjectId> ResidentScene::spawn(uint32_t mesh, const world::Placeme
         object.caster = table_.add(slot.value(), placement, world::CasterState::kActive, origin, traits.margin);
         placeActive(object.caster);
         if (auto done = uploadLevels(shown().light, object.caster); !done) {
-            table_.remove(object.caster);
+            removeCaster(object.caster);
             return done.error();
         }
         dirtyActive(object.caster);
         if (traits.deforms) sets_.keepActive(object.caster);
         else spawned_.push_back(object.caster);
     }
-    objects_.push_back(object);
-    return id;
+    objects_.emplace(nextObject_, object);
+    return nextObject_++;
 }
 
 void ResidentScene::leaveStatics(world::CasterId id, cache::Cause cause) {
@@ -310,27 +316,29 @@ void ResidentScene::leaveStatics(world::CasterId id, cache::Cause cause) {
 }
 
 world::Result<world::Done> ResidentScene::remove(ObjectId number) {
-    if (auto alive = requireAlive(number); !alive) return alive.error();
-    Object& object = objects_[number];
-    if (table_[object.caster].state == world::CasterState::kStatic) {
-        leaveStatics(object.caster, cache::Cause::kDeparture);
+    const auto object = living(number);
+    if (!object) return object.error();
+    const world::CasterId caster = object.value()->caster;
+    if (table_[caster].state == world::CasterState::kStatic) {
+        leaveStatics(caster, cache::Cause::kDeparture);
     } else {
-        dirtyActive(object.caster);
-        sets_.forget(object.caster);
-        std::erase(spawned_, object.caster);
+        dirtyActive(caster);
+        sets_.forget(caster);
+        std::erase(spawned_, caster);
     }
-    table_.remove(object.caster);
-    object.alive = false;
+    removeCaster(caster);
+    objects_.erase(number);
     return world::Done{};
 }
 
 void ResidentScene::moveObjects(double time, std::span<const ObjectUpdate> updates, SceneChanges& changes) {
     for (const ObjectUpdate& update : updates) {
-        if (auto alive = requireAlive(update.object); !alive) {
-            changes.errors.push_back(alive.error());
+        const auto found = living(update.object);
+        if (!found) {
+            changes.errors.push_back(found.error());
             continue;
         }
-        const Object& object = objects_[update.object];
+        const Object& object = *found.value();
         const world::CasterId id = object.caster;
         if (auto fits = requirePlaceable("object " + std::to_string(update.object), table_.meshOf(id), update.placement,
                                          table_[id].margin);

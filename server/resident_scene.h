@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <unordered_map>
 #include <vector>
 
 #include "cache/caster_sets.h"
@@ -24,8 +25,8 @@
 
 namespace server {
 
-/// An object that a client owns; given out by `adopt` and `spawn`, never twice.
-using ObjectId = uint32_t;
+/// An object that a client owns; given out by `adopt` and `spawn`, from 0, never twice.
+using ObjectId = uint64_t;
 
 /// What a client says of an object when it makes it.
 struct ObjectTraits {
@@ -87,7 +88,8 @@ public:
                   const std::vector<culling::Cascade>& cascades, const SceneConfig& config);
 
     world::Result<ObjectId> adopt(const std::string& name);
-    const world::Placement& restPlacement(ObjectId object) const { return objects_[object].rest; }
+    /// CHECKs that it was not removed.
+    const world::Placement& restPlacement(ObjectId object) const { return living(object).value()->rest; }
     /// See ShadowSystem.
     world::Result<ObjectId> spawn(uint32_t mesh, const world::Placement& placement, const ObjectTraits& traits);
     world::Result<world::Done> remove(ObjectId object);
@@ -156,7 +158,7 @@ private:
     struct Object {
         world::CasterId caster = 0;
         world::Placement rest;
-        bool deforms = false, alive = true;
+        bool deforms = false;
     };
     struct ResidentChunk {
         std::shared_ptr<const world::Chunk> chunk;
@@ -168,8 +170,10 @@ private:
     void placeActive(world::CasterId caster);
     void dirtyActive(world::CasterId caster);
     void depart(world::CasterId caster, cache::Cause cause);
+    void removeCaster(world::CasterId caster);
     void moveObjects(double time, std::span<const ObjectUpdate> updates, SceneChanges& changes);
-    world::Result<world::Done> requireAlive(ObjectId object) const;
+    /// kNotFound says whether it was removed or never was.
+    world::Result<const Object*> living(ObjectId object) const;
     /// A placement that the maps can hold: finite, and not beyond kFarthest.
     world::Result<world::Done> requirePlaceable(const std::string& who, const world::Mesh& mesh,
                                                 const world::Placement& placement, float margin) const;
@@ -215,7 +219,8 @@ private:
     std::map<world::ChunkKey, ResidentChunk> chunks_;
     std::map<world::ChunkKey, std::shared_ptr<const world::EditedChunk>> edited_;  ///< whose terrain counts
     uint64_t editedBytes_ = 0;  ///< of those, in memory
-    std::vector<Object> objects_;
+    std::unordered_map<ObjectId, Object> objects_;  ///< that were not removed
+    ObjectId nextObject_ = 0;
     std::map<std::pair<world::ChunkKey, uint32_t>, ObjectId> adopted_;
     std::optional<std::vector<world::NamedInstance>> names_;
     std::vector<cache::Arrival> arrivals_;  ///< since the last `settle`

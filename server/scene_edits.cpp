@@ -41,14 +41,14 @@ world::Result<world::Done> ResidentScene::swapTerrain(ResidentChunk& chunk, worl
     const world::CasterId after = table_.add(slot, terrainPlacement(key), world::CasterState::kStatic, {key, -1, -1});
     placeStatic(after);
     if (auto done = uploadLevels(shown().light, after); !done) {
-        table_.remove(after);
+        removeCaster(after);
         removeMesh(slot);
         return done.error();
     }
     departWhereChanged(before, firstLevel, after, edited);
     revocations_ += revoke(std::span(&before, 1));
     statics_.remove(before);
-    table_.remove(before);
+    removeCaster(before);
     removeMesh(*chunk.terrain);
     statics_.insert(after, table_[after].bounds);
     caster = after;

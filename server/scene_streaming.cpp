@@ -21,7 +21,7 @@ void ResidentScene::dropChunk(world::ChunkKey key) {
     const ResidentChunk& chunk = at->second;
     for (world::CasterId id : chunk.casters) {
         leaveStatics(id, cache::Cause::kDeparture);
-        table_.remove(id);
+        removeCaster(id);
     }
     if (chunk.terrain) removeMesh(*chunk.terrain);
     chunks_.erase(at);

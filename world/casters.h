@@ -34,7 +34,7 @@ enum class CasterState : uint8_t {
 struct CasterOrigin {
     ChunkKey chunk;
     int32_t slot = -1;   ///< among the chunk's instances; -1 for its terrain
-    int32_t object = -1; ///< adopted object, or -1
+    int64_t object = -1; ///< adopted or spawned object, or -1
 };
 
 struct Caster {

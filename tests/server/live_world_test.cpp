@@ -280,6 +280,7 @@ TEST(LiveWorld, BadItemsChangeNothing) {
     report = system->advance({0.3, input.camera, late});
     ASSERT_EQ(report.value().errors.size(), 1u);
     EXPECT_NE(report.value().errors[0].what.find("removed"), std::string::npos);
+    expect(code(system->remove(box + 1)), ErrorCode::kNotFound, "none of that number");
     EXPECT_NE(hash(), before) << "the box is gone";
     EXPECT_EQ(system->verify().value().differing, 0u);
     // Larger than the world, and served all the same.
