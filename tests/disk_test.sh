@@ -8,17 +8,8 @@ if [[ -z ${GNOMON_MOUNTS:-} ]]; then
     unshare --user --map-root-user --mount true 2>/dev/null || exit 77
     GNOMON_MOUNTS=own exec unshare --user --map-root-user --mount "$0" "$@"
 fi
-gnomon=$(realpath "$1")
-source "$(dirname "$0")/small_dem.sh"
-work=$(mktemp -d)
+source "$(dirname "$0")/bake_scratch.sh"
 trap 'umount "$work/disk" 2>/dev/null || true; rm -rf "$work"' EXIT
-cd "$work"
-fail() {
-    echo "FAILED: $*; the last run said:" >&2
-    cat log >&2
-    exit 1
-}
-content() { "$gnomon" info "$1" --check | sed -n 's/^content *//p'; }
 bake() { "$gnomon" bake dem.asc -o "$1" >log 2>&1; }
 # Ends with status 3 and one line of error that holds all the words.
 refused() {

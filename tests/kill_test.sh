@@ -4,22 +4,10 @@
 #   tests/kill_test.sh GNOMON [KILLS [SEED]]
 # A victim is four functions, here those of `bake`: to kill another command, write its four and add it to `victims`.
 set -euo pipefail
-gnomon=$(realpath "$1")
+source "$(dirname "$0")/bake_scratch.sh"
 kills=${2:-200}
 seed=${3:-$(date +%s)}
 victims=(bake)
-source "$(dirname "$0")/small_dem.sh"
-
-work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
-cd "$work"
-fail() {
-    echo "FAILED: $*; the last run said:" >&2
-    cat log >&2
-    exit 1
-}
-# The hash of a world's content, once every checksum and invariant holds.
-content() { "$gnomon" info "$1" --check | sed -n 's/^content *//p'; }
 microseconds() { echo "${EPOCHREALTIME/[.,]/}"; }
 
 # Makes the input and what must come of it.
