@@ -1,3 +1,4 @@
+// tests/world/streamer_test.cpp — what a streamer holds: what is wanted, as far as budgets go, and what can be read.
 #include "world/streamer.h"
 
 #include <gtest/gtest.h>
@@ -5,149 +6,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
+#include <random>
 #include <set>
-#include <thread>
 
-#include "random_world.h"
-#include "world/bake.h"
-#include "world/codec.h"
-#include "world/database.h"
+#include "streamed_world.h"
 
 namespace {
 
 using namespace world;
-using world_tests::randomSource;
-using world_tests::TempFolder;
-
-constexpr double kNever = std::numeric_limits<double>::infinity();
-constexpr float kAnyError = 1e9f;
-
-/// Wants boxes that overlap a square column around a point the way a camera does: those within `reach` now, finely
-/// within half of it, and keeps those within `keep`.
-Wants around(glm::dvec3 p, double reach, double keep) {
-    return [=](const Box& b) -> std::optional<Want> {
-        const glm::dvec2 gap(std::max({b.min.x - p.x, p.x - b.max.x, 0.0}), std::max({b.min.z - p.z, p.z - b.max.z, 0.0}));
-        const double away = std::max(gap.x, gap.y);
-        if (away > keep) return std::nullopt;
-        return Want{away <= reach ? 0 : kNever, glm::length(gap), away <= reach / 2 ? 0 : kAnyError};
-    };
-}
-
-std::optional<Want> all(const Box&) { return Want{}; }
-std::optional<Want> none(const Box&) { return std::nullopt; }
-
-/// One step in which something is wanted anew.
-StreamEvents step(Streamer& streamer, const Wants& wants, double now = 0) {
-    streamer.want(wants, now);
-    return streamer.advance(now);
-}
-
-class StreamerTest : public ::testing::Test {
-protected:
-    void bakeAndOpen(const world_tests::RandomWorld& options) {
-        ASSERT_TRUE(bake(randomSource(options), path(), {}));
-        reopen();
-    }
-    void reopen() {
-        Result<WorldStore> store = WorldStore::open(path());
-        ASSERT_TRUE(store) << store.error().what;
-        store_ = std::make_unique<WorldStore>(std::move(store.value()));
-    }
-    /// Runs SQL on the closed world.
-    void cutInto(const std::string& sql) {
-        store_.reset();
-        {
-            Result<Database> database = Database::openEmpty(path());
-            ASSERT_TRUE(database && database.value().run(sql));
-        }
-        reopen();
-    }
-    std::string path() const { return folder_.file("w"); }
-    /// What all chunks and meshes take, or their geometry alone.
-    uint64_t whole() const {
-        Streamer streamer(*store_, {});
-        (void)step(streamer, all);
-        return streamer.residentBytes();
-    }
-
-    TempFolder folder_;
-    std::unique_ptr<WorldStore> store_;
-};
-
-/// What a streamer holds, from its events alone and from what is decoded.
-struct Model {
-    explicit Model(const WorldStore& world) : store(world) {}
-    static uint64_t bytesOf(const Mesh& mesh) {
-        uint64_t bytes = 0;
-        for (const MeshLevel& l : mesh.levels)
-            bytes += l.positions.size() * sizeof(glm::vec3) + l.indices.size() * sizeof(uint32_t) +
-                     l.clusters.size() * sizeof(Cluster);
-        return bytes;
-    }
-    static uint64_t bytesOf(const Chunk& chunk) {
-        return chunk.instances.size() * sizeof(Instance) + bytesOf(chunk.terrain);
-    }
-    static uint64_t geometryOf(const Mesh& mesh) {
-        uint64_t bytes = 0;
-        for (const MeshLevel& l : mesh.levels)
-            bytes += l.positions.size() * sizeof(glm::vec3) + l.indices.size() * sizeof(uint32_t);
-        return bytes;
-    }
-    void apply(const StreamEvents& events) {
-        ASSERT_TRUE(std::is_sorted(events.departures.begin(), events.departures.end()));
-        ASSERT_TRUE(std::is_sorted(events.meshArrivals.begin(), events.meshArrivals.end()));
-        ASSERT_TRUE(std::is_sorted(events.meshDepartures.begin(), events.meshDepartures.end()));
-        for (const ChunkKey key : events.departures) ASSERT_EQ(chunks.erase(key), 1u) << toString(key);
-        for (const uint32_t id : events.meshDepartures) ASSERT_EQ(meshes.erase(id), 1u) << id;
-        for (const uint32_t id : events.meshArrivals) ASSERT_TRUE(meshes.insert(id).second) << id;
-        for (size_t i = 0; i < events.arrivals.size(); ++i) {
-            const auto& chunk = events.arrivals[i];
-            ASSERT_TRUE(i == 0 || events.arrivals[i - 1]->key < chunk->key);
-            const auto before = chunks.find(chunk->key);
-            if (before != chunks.end()) {
-                ASSERT_NE(before->second->firstLevel, chunk->firstLevel);
-            }
-            chunks[chunk->key] = chunk;
-        }
-    }
-    /// Meshes are those of the chunks; sizes add up while nothing is being read.
-    void agrees(const Streamer& streamer) {
-        std::set<uint32_t> used = pinned;
-        uint64_t bytes = 0, geometry = 0;
-        for (const ChunkRecord& r : store.chunks()) {
-            ASSERT_EQ(streamer.resident(r.key), chunks.contains(r.key)) << toString(r.key);
-            if (!chunks.contains(r.key)) continue;
-            used.insert(r.meshes.begin(), r.meshes.end());
-            const Chunk& chunk = *chunks.at(r.key);
-            ASSERT_EQ(chunk.terrain.levels.size(), r.terrain.size() - chunk.firstLevel);
-            bytes += bytesOf(chunk);
-            geometry += geometryOf(chunk.terrain);
-        }
-        std::set<uint32_t> held = meshes;
-        held.insert(pinned.begin(), pinned.end());
-        // A chunk that left while it was being read lets go of its meshes when that has ended.
-        ASSERT_TRUE(std::includes(held.begin(), held.end(), used.begin(), used.end()));
-        if (streamer.settled()) {
-            ASSERT_EQ(held, used);
-        }
-        for (const uint32_t id : held) {
-            bytes += bytesOf(streamer.mesh(id));
-            geometry += geometryOf(streamer.mesh(id));
-            ASSERT_EQ(streamer.mesh(id).levels.size(), store.meshes()[id].levels.size());
-        }
-        ASSERT_EQ(streamer.geometryBytes(), geometry);
-        if (streamer.settled()) {
-            ASSERT_EQ(streamer.residentBytes(), bytes);
-        }
-        ASSERT_EQ(streamer.residentChunks(), chunks.size());
-    }
-
-    const WorldStore& store;
-    std::map<ChunkKey, std::shared_ptr<const Chunk>> chunks;
-    std::set<uint32_t> meshes, pinned;
-};
+using namespace world_tests;
 
 TEST_F(StreamerTest, HoldsWhatIsWantedAndKept) {
     for (const int far : {0, 31250}) {  // 1000 km out
@@ -432,136 +300,6 @@ TEST_F(StreamerTest, PinsStay) {
     EXPECT_EQ(poor.residentBytes(), 0u);
 }
 
-/// What a drive under the virtual clock did, step by step, and what it did in all.
-struct Drive {
-    std::string log;
-    uint64_t errors = 0, read = 0, again = 0, lacks = 0, refined = 0, uploaded = 0;
-    std::set<ChunkKey> there;
-};
-
-Drive drive(const WorldStore& store, const StreamerConfig& config, int steps, int rest) {
-    Drive d;
-    Streamer streamer(store, config);
-    Model model(store);
-    for (int s = 0; s < steps + rest; ++s) {
-        const double now = s / 30.0;
-        const glm::dvec3 p(-64 + 2.0 * std::min(s, steps), 0, 60);
-        if (s % 4 == 0 && s <= steps) streamer.want(around(p, 60, 90), now);
-        const StreamEvents events = streamer.advance(now);
-        for (const auto& chunk : events.arrivals) d.refined += model.chunks.contains(chunk->key);
-        const uint64_t before = streamer.geometryBytes();
-        model.apply(events);
-        model.agrees(streamer);
-        d.errors += events.errors.size();
-        d.read += events.bytesRead;
-        d.again += events.bytesAgain;
-        d.lacks += streamer.lacking().size();
-        d.uploaded = std::max(d.uploaded, before);
-        for (const auto& chunk : events.arrivals) d.log += " in " + toString(chunk->key) + std::to_string(chunk->firstLevel);
-        for (const ChunkKey key : events.departures) d.log += " out " + toString(key);
-        d.log += " read " + std::to_string(events.bytesRead);
-    }
-    EXPECT_TRUE(streamer.settled());
-    for (const auto& entry : model.chunks) d.there.insert(entry.first);
-    return d;
-}
-
-TEST_F(StreamerTest, TheVirtualDiskIsLateTheSameWayEveryTime) {
-    bakeAndOpen({.seed = 62, .chunksAside = 10, .meshes = 30});
-    StreamerConfig lockStep, slow;
-    slow.clock = Clock::kVirtual;
-    slow.disk.latency = 0.1;
-    const Drive there = drive(*store_, lockStep, 120, 90);
-    EXPECT_EQ(there.lacks, 0u);
-    std::vector<Drive> drives;
-    for (const size_t threads : {1, 2, 5}) {
-        const tbb::global_control control(tbb::global_control::max_allowed_parallelism, threads);
-        drives.push_back(drive(*store_, slow, 120, 90));
-    }
-    EXPECT_EQ(drives[0].log, drives[1].log);
-    EXPECT_EQ(drives[0].log, drives[2].log);
-    EXPECT_GT(drives[0].lacks, 0u);
-    EXPECT_GT(drives[0].refined, 3u) << "coarse levels come first";
-    EXPECT_EQ(drives[0].there, there.there) << "once the eye rests all that is wanted is there";
-    slow.disk.seed = 2;
-    EXPECT_NE(drive(*store_, slow, 120, 90).log, drives[0].log);
-
-    StreamerConfig quick = slow;
-    quick.disk.latency = 0.001;
-    EXPECT_LT(drive(*store_, quick, 120, 90).lacks, drives[0].lacks / 2);
-
-    StreamerConfig stalls = quick;
-    stalls.disk.stallShare = 0.2;
-    stalls.disk.stallSeconds = 0.5;
-    const Drive stalled = drive(*store_, stalls, 120, 120);
-    EXPECT_GT(stalled.lacks, drive(*store_, quick, 120, 90).lacks);
-    EXPECT_EQ(stalled.there, there.there);
-}
-
-TEST_F(StreamerTest, FailedReadsAreTriedAgainAndCorruptChunksAreNot) {
-    bakeAndOpen({.seed = 62, .chunksAside = 10, .meshes = 30});
-    StreamerConfig config;
-    config.clock = Clock::kVirtual;
-    const Drive sound = drive(*store_, config, 120, 90);
-    config.disk.failShare = 0.2;
-    const Drive failing = drive(*store_, config, 120, 300);
-    EXPECT_EQ(failing.errors, 0u);
-    EXPECT_EQ(failing.there, sound.there);
-    EXPECT_GT(failing.lacks, sound.lacks);
-
-    config.disk.failShare = 0;
-    config.disk.corruptShare = 0.2;
-    const Drive corrupt = drive(*store_, config, 120, 90);
-    EXPECT_GT(corrupt.errors, 1u);
-    EXPECT_LT(corrupt.there.size(), sound.there.size());
-    for (const ChunkKey key : corrupt.there) EXPECT_TRUE(sound.there.contains(key));
-
-    config.disk.failShare = 1;
-    const Drive dead = drive(*store_, config, 120, 300);
-    EXPECT_TRUE(dead.there.empty());
-    EXPECT_GT(dead.errors, 1u) << "it is given up, and said";
-}
-
-TEST_F(StreamerTest, HandsOutNoMoreThanAFrameMayUpload) {
-    bakeAndOpen({.seed = 63, .chunksAside = 10, .meshes = 30});
-    StreamerConfig config;
-    config.clock = Clock::kVirtual;
-    config.handOutBytes = 1;
-    Streamer streamer(*store_, config);
-    streamer.want(all, 0);
-    size_t most = 0;
-    for (int s = 0; s < 600 && !(s > 0 && streamer.settled()); ++s)
-        most = std::max(most, streamer.advance(s / 30.0).arrivals.size());
-    EXPECT_EQ(most, 1u);
-    EXPECT_TRUE(streamer.lacking().empty());
-    EXPECT_EQ(streamer.residentChunks(), store_->chunks().size());
-}
-
-TEST_F(StreamerTest, TheLiveClockNeitherWaitsNorLoses) {
-    bakeAndOpen({.seed = 64, .chunksAside = 10, .meshes = 30});
-    StreamerConfig config;
-    config.clock = Clock::kLive;
-    for (int run = 0; run < 5; ++run) {
-        Streamer streamer(*store_, config);
-        Model model(*store_);
-        std::mt19937 rng(65);
-        std::uniform_real_distribution<double> place(-64, 256);
-        for (int s = 0; s < 300; ++s) {
-            if (s % 10 == 0) streamer.want(around({place(rng), 0, place(rng)}, 60, 80), s);
-            ASSERT_NO_FATAL_FAILURE(model.apply(streamer.advance(s)));
-            ASSERT_NO_FATAL_FAILURE(model.agrees(streamer));
-        }
-        if (run == 4) break;  // the last one ends amid its reads
-        streamer.want(all, 300);
-        for (double now = 300; now < 400000 && (!streamer.settled() || now == 300); ++now) {
-            ASSERT_NO_FATAL_FAILURE(model.apply(streamer.advance(now)));
-            std::this_thread::yield();
-        }
-        ASSERT_NO_FATAL_FAILURE(model.agrees(streamer));
-        EXPECT_TRUE(streamer.lacking().empty());
-    }
-}
-
 TEST_F(StreamerTest, ARefusedChunkIsAsBeforeAndComesWhenThereIsRoom) {
     bakeAndOpen({.seed = 66, .chunksAside = 10, .meshes = 30});
     Streamer streamer(*store_, {});
@@ -584,23 +322,6 @@ TEST_F(StreamerTest, ARefusedChunkIsAsBeforeAndComesWhenThereIsRoom) {
     (void)step(streamer, here);
     EXPECT_TRUE(streamer.resident(refused));
     EXPECT_TRUE(streamer.lacking().empty());
-}
-
-TEST(DiskModel, RefusesNumbersOutOfRange) {
-    EXPECT_TRUE(requireDisk({}));
-    const double nan = std::numeric_limits<double>::quiet_NaN();
-    for (const double bad : {-1.0, nan, std::numeric_limits<double>::infinity()}) {
-        DiskModel latency, stall, bandwidth, share, spread;
-        latency.latency = stall.stallSeconds = bandwidth.bandwidth = share.failShare = spread.spread = bad;
-        for (const DiskModel& disk : {latency, stall, bandwidth, share, spread}) {
-            const auto done = requireDisk(disk);
-            ASSERT_FALSE(done);
-            EXPECT_EQ(done.error().code, ErrorCode::kUsage);
-        }
-    }
-    DiskModel channels;
-    channels.channels = 0;
-    EXPECT_FALSE(requireDisk(channels));
 }
 
 }  // namespace
