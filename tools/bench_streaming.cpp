@@ -8,6 +8,7 @@
 #include <optional>
 #include <thread>
 
+#include "server/stopwatch.h"
 #include "tools/summary.h"
 #include "world/streamer.h"
 
@@ -20,13 +21,9 @@ using world::Result;
 
 constexpr double kShare = 0.7;
 
-double msSince(std::chrono::steady_clock::time_point start) {
-    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-}
-
 /// Reads all rows on the streamer's number of threads and forgets them.
 Result<double> bare(const world::WorldStore& store) {
-    const auto start = std::chrono::steady_clock::now();
+    const server::Stopwatch stopwatch;
     const size_t meshes = store.meshes().size(), all = meshes + store.chunks().size();
     std::atomic<size_t> next = 0;
     std::mutex mutex;
@@ -49,21 +46,21 @@ Result<double> bare(const world::WorldStore& store) {
             });
     }
     if (error) return *error;
-    return msSince(start);
+    return stopwatch.ms();
 }
 
 Result<double> streamed(const world::WorldStore& store, StreamingCost& cost) {
     constexpr uint64_t kAny = std::numeric_limits<uint64_t>::max() / 4;
-    const auto start = std::chrono::steady_clock::now();
+    const server::Stopwatch stopwatch;
     world::Streamer streamer(store, {.memoryBytes = kAny, .geometryBytes = kAny, .handOutBytes = kAny,
                                      .clock = world::Clock::kLive, .disk = {}});
     streamer.want([](const world::Box&) { return std::optional(world::Want{}); }, 0);
     cost.bytes = 0;
     do {
-        cost.bytes += streamer.advance(msSince(start) / 1e3).bytesRead;
+        cost.bytes += streamer.advance(stopwatch.ms() / 1e3).bytesRead;
         std::this_thread::sleep_for(std::chrono::milliseconds(1));  // a frame has other work
     } while (!streamer.settled());
-    const double ms = msSince(start);
+    const double ms = stopwatch.ms();
     if (!streamer.lacking().empty())
         return Error{world::ErrorCode::kBadData, store.path() + ": " + std::to_string(streamer.lacking().size()) +
                                                      " chunks cannot be read; 'gnomon info --check' names them"};
