@@ -126,6 +126,7 @@ void addFrame(Columns& columns) {
     columns.frame("frame_rays", [](const ReplayFrame& f) { return f.report.rays; });
     columns.frame("frame_certificates", [](const ReplayFrame& f) { return f.report.certificates; });
     columns.frame("frame_revocations", [](const ReplayFrame& f) { return f.report.revocations; });
+    columns.frame("frame_edits", [](const ReplayFrame& f) { return f.report.edits; });
     columns.frame("frame_errors", [](const ReplayFrame& f) { return f.report.errors.size(); });
     columns.list.push_back({"plan_hash", [](const ReplayFrame& f, size_t, std::string& out) {
                                 appendHash(out, f.report.planHash);
