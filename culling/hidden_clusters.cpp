@@ -14,9 +14,6 @@ namespace culling {
 
 namespace {
 
-/// Texels are proven in squares of so many a side: what is known of one stays in a core's cache.
-constexpr int kTile = 64;
-
 /// Depths nearer to each other than this share of the range are not told apart: a float depth in
 /// [0, 1] and the arithmetic behind it are good to about 2^-22.
 constexpr double kDepthShare = 1.0 / (1 << 20);
@@ -112,6 +109,17 @@ void spread(std::span<const world::CasterId> provers, const LightCasters& light,
                 tile->provers.push_back(caster);
         }
     }
+}
+
+/// The lattice texels that a cluster touches, grown by one; high excluded. They may be too many for integers.
+struct Touched {
+    glm::dvec2 low{0}, high{0};
+    double area() const { return (high.x - low.x) * (high.y - low.y); }
+};
+
+Touched touched(const ClusterRect& rect, glm::dvec2 origin, double texel) {
+    return {glm::floor((origin + glm::dvec2(rect.min)) / texel) - 1.0,
+            glm::floor((origin + glm::dvec2(rect.max)) / texel) + 2.0};
 }
 
 /// What one thread needs to answer tiles.
@@ -224,11 +232,9 @@ std::vector<Footprint> footprints(const world::CasterTable& table, const LightCa
         const world::MeshLevel& level = levelOf(table, light, caster, cascade);
         const Placer place(light[caster], texel, glm::i64vec2(0));
         for (uint32_t k = 0; k < rects.size(); ++k) {
-            const glm::dvec2 low = glm::floor((origin + glm::dvec2(rects[k].min)) / texel) - 1.0,
-                             high = glm::floor((origin + glm::dvec2(rects[k].max)) / texel) + 2.0;
-            const glm::dvec2 size = high - low;
-            if (!(size.x * size.y <= double(raysPerCluster))) continue;
-            Footprint f{caster, k, glm::i64vec2(low), glm::i64vec2(high), std::numeric_limits<double>::infinity()};
+            const Touched t = touched(rects[k], origin, texel);
+            if (!(t.area() <= double(raysPerCluster))) continue;
+            Footprint f{caster, k, glm::i64vec2(t.low), glm::i64vec2(t.high), std::numeric_limits<double>::infinity()};
             const world::Cluster& cluster = level.clusters[k];
             for (uint32_t i = cluster.firstIndex; i < cluster.firstIndex + cluster.indexCount; ++i)
                 f.front = std::min(f.front, place(level.positions[level.indices[i]]).z);
@@ -238,6 +244,17 @@ std::vector<Footprint> footprints(const world::CasterTable& table, const LightCa
     std::vector<Footprint> all;
     for (const auto& some : each) all.insert(all.end(), some.begin(), some.end());
     return all;
+}
+
+uint64_t raysOf(const LightCasters& light, int cascade, world::CasterId caster, uint32_t raysPerCluster) {
+    const double texel = light.cascades()[static_cast<size_t>(cascade)].texel;
+    const ClusterRects rects = light.rects(caster, cascade);
+    uint64_t rays = 0;
+    for (size_t k = 0; k < rects.size(); ++k)
+        if (const double area = touched(rects[k], glm::dvec2(light[caster].origin), texel).area();
+            area <= double(raysPerCluster))
+            rays += static_cast<uint64_t>(area);
+    return rays;
 }
 
 std::vector<HiddenCluster> hiddenClusters(const world::CasterTable& table, const LightCasters& light, int cascade,

@@ -17,6 +17,9 @@
 
 namespace culling {
 
+/// Texels are proven in squares of so many a side: what is known of one stays in a core's cache.
+constexpr int kTile = 64;
+
 struct SearchConfig {
     uint32_t raysPerCluster = 4096;  ///< a cluster whose footprint has more texels is simply drawn
     double depthRange = 1;           ///< metres of light space per unit of map depth
@@ -35,6 +38,9 @@ struct Footprint {
 /// Footprints of at most `raysPerCluster` texels, in order of the casters and their clusters.
 std::vector<Footprint> footprints(const world::CasterTable& table, const LightCasters& light, int cascade,
                                   std::span<const world::CasterId> casters, uint32_t raysPerCluster);
+
+/// Rays that these ask for together, without what it takes to find their depths.
+uint64_t raysOf(const LightCasters& light, int cascade, world::CasterId caster, uint32_t raysPerCluster);
 
 struct HiddenCluster {
     world::CasterId caster = 0;

@@ -1,17 +1,28 @@
 #include "culling/occlusion.h"
 
 #include <algorithm>
+#include <cmath>
+#include <tuple>
 #include <utility>
+
+#include "culling/caster_query.h"
 
 namespace culling {
 
 Occlusion::Occlusion(const world::CasterTable& table, const LightCasters& light, const OcclusionConfig& config)
-    : table_(table), light_(light), config_(config), admitted_(light.cascades().size()) {}
+    : table_(table),
+      light_(light),
+      config_(config),
+      states_(light.cascades().size()),
+      waiting_(light.cascades().size()),
+      begun_(light.cascades().size()) {}
 
 size_t Occlusion::remove(std::span<const world::CasterId> casters) {
     for (world::CasterId id : casters) {
-        for (auto& admitted : admitted_)
-            if (id < admitted.size()) admitted[id] = 0;
+        for (size_t c = 0; c < states_.size(); ++c) {
+            if (id < states_[c].size()) states_[c][id] = State::kUnknown;
+            std::erase_if(begun_[c], [id](const Footprint& f) { return f.caster == id; });
+        }
         if (id < ownedBy_.size())
             while (!ownedBy_[id].empty()) kill(ownedBy_[id].back());
     }
@@ -64,19 +75,67 @@ void Occlusion::kill(uint32_t certificate) {
     --live_;
 }
 
-CertifyCosts Occlusion::admit(int cascade, std::span<const world::CasterId> casters,
-                              std::span<const world::CasterId> provers) {
-    std::vector<uint8_t>& admitted = admitted_[static_cast<size_t>(cascade)];
-    admitted.resize(std::max(admitted.size(), table_.slots()), 0);
-    std::vector<world::CasterId> fresh;
-    for (world::CasterId caster : casters)
-        if (!std::exchange(admitted[caster], 1)) fresh.push_back(caster);
-    const std::vector<Footprint> asked = footprints(table_, light_, cascade, fresh, config_.search.raysPerCluster);
-    CertifyCosts costs{.clustersTested = asked.size()};
-    for (const Footprint& footprint : asked) costs.rays += footprint.rays();
-    for (HiddenCluster& hidden : hiddenClusters(table_, light_, cascade, asked, provers, config_.search)) {
-        issue(cascade, std::move(hidden));
-        ++costs.certificates;
+void Occlusion::await(int cascade, std::span<const world::CasterId> casters) {
+    std::vector<State>& states = states_[static_cast<size_t>(cascade)];
+    states.resize(std::max(states.size(), table_.slots()), State::kUnknown);
+    std::vector<world::CasterId>& waiting = waiting_[static_cast<size_t>(cascade)];
+    std::erase_if(waiting, [&](world::CasterId caster) { return states[caster] != State::kWaiting; });
+    const double edge = light_.cascades()[static_cast<size_t>(cascade)].texel * kTile;
+    std::vector<std::tuple<double, double, world::CasterId>> fresh;  // tile by tile
+    for (world::CasterId caster : casters) {
+        if (states[caster] != State::kUnknown) continue;
+        states[caster] = State::kWaiting;
+        const glm::dvec3 middle = light_[caster].bounds.centre() / edge;
+        fresh.push_back({std::floor(middle.y), std::floor(middle.x), caster});
+    }
+    std::sort(fresh.begin(), fresh.end());
+    for (const auto& [y, x, caster] : fresh) waiting.push_back(caster);
+}
+
+/// The clusters whose turn it is.
+std::vector<Footprint> Occlusion::next(size_t cascade, uint64_t rays) {
+    std::vector<Footprint> asked = std::exchange(begun_[cascade], {});
+    uint64_t sum = 0;
+    for (const Footprint& f : asked) sum += f.rays();
+    std::vector<world::CasterId>& waiting = waiting_[cascade];
+    std::vector<world::CasterId> casters;
+    auto at = waiting.begin();
+    for (; at != waiting.end() && sum < rays; ++at) {
+        State& state = states_[cascade][*at];
+        if (state != State::kWaiting) continue;
+        state = State::kTried;
+        casters.push_back(*at);
+        sum += raysOf(light_, int(cascade), *at, config_.search.raysPerCluster);
+    }
+    waiting.erase(waiting.begin(), at);
+    const std::vector<Footprint> more = footprints(table_, light_, int(cascade), casters, config_.search.raysPerCluster);
+    asked.insert(asked.end(), more.begin(), more.end());
+    auto end = asked.begin();
+    for (sum = 0; end != asked.end() && sum < rays; ++end) sum += end->rays();
+    begun_[cascade].assign(end, asked.end());
+    asked.erase(end, asked.end());
+    return asked;
+}
+
+CertifyCosts Occlusion::search(const world::Octree& statics, uint64_t rays) {
+    CertifyCosts costs;
+    std::vector<world::CasterId> provers;
+    for (size_t c = waiting_.size(); c-- > 0 && costs.rays < rays;) {
+        const std::vector<Footprint> asked = next(c, rays - costs.rays);
+        if (asked.empty()) continue;
+        glm::i64vec2 low = asked.front().low, high = asked.front().high;
+        for (const Footprint& f : asked) {
+            low = glm::min(low, f.low);
+            high = glm::max(high, f.high);
+            costs.rays += f.rays();
+        }
+        costs.clustersTested += asked.size();
+        const double texel = light_.cascades()[c].texel;
+        castersOver(statics, light_, glm::dvec2(low) * texel, glm::dvec2(high) * texel, provers);
+        for (HiddenCluster& hidden : hiddenClusters(table_, light_, int(c), asked, provers, config_.search)) {
+            issue(int(c), std::move(hidden));
+            ++costs.certificates;
+        }
     }
     return costs;
 }

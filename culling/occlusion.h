@@ -3,7 +3,8 @@
 //
 // A cluster that other static casters hide (culling/hidden_clusters.h says when) gets a certificate, which
 // names them. "Strictly nearer" makes chains of certificates sound: at each texel the nearest surface of
-// all is hidden by nobody, so it is drawn.
+// all is hidden by nobody, so it is drawn. A certificate that comes late costs triangles and changes no texel: the search
+// may be spread over as many frames as one likes.
 #pragma once
 
 #include <array>
@@ -14,6 +15,7 @@
 #include "culling/hidden_clusters.h"
 #include "culling/light_casters.h"
 #include "world/casters.h"
+#include "world/octree.h"
 
 namespace culling {
 
@@ -34,17 +36,22 @@ struct OcclusionConfig {
     bool sticky = false;  ///< a deliberate defect for tests: certificates outlive their occluders
 };
 
-/// Holds certificates, and looks for them when casters come near a cascade. One caller at a time; `admit` runs
+/// Holds certificates, and looks for them when casters have come near a cascade. One caller at a time; `search` runs
 /// on all of TBB's threads and gives the same answer for any number of them.
 class Occlusion {
 public:
     /// `table` and `light` must outlive it.
     Occlusion(const world::CasterTable& table, const LightCasters& light, const OcclusionConfig& config);
 
-    /// Looks for certificates in a cascade, for the clusters of those of `casters` that were not admitted to it before;
-    /// the others are not tried again. Both lists hold static casters, each once.
-    ///   provers  may hide them: all that lie over them, or fewer certificates are found
-    CertifyCosts admit(int cascade, std::span<const world::CasterId> casters, std::span<const world::CasterId> provers);
+    /// Static casters that came near a cascade: they wait for a search, each once while it stays. They wait in the order
+    /// in which they came, and those that came together side by side, since neighbours share what hides them.
+    void await(int cascade, std::span<const world::CasterId> casters);
+
+    /// Looks for certificates for the clusters of casters that wait: those of the coarsest cascade first, where a cluster
+    /// asks the fewest rays and is hidden the most often. The others go on waiting; those that leave wait no more.
+    ///   statics  octree of all static casters: what may hide them
+    ///   rays     after so many no other cluster is tried, > 0
+    CertifyCosts search(const world::Octree& statics, uint64_t rays);
 
     /// Static casters that leave or turn active, before the table forgets or moves them. Their own
     /// certificates go, and those that they prove are revoked. What a revoked one hid shows nowhere
@@ -66,13 +73,17 @@ private:
         HiddenCluster hidden;
         bool alive = false;
     };
+    enum class State : uint8_t { kUnknown, kWaiting, kTried };
+    std::vector<Footprint> next(size_t cascade, uint64_t rays);
     void issue(int cascade, HiddenCluster hidden);
     void kill(uint32_t certificate);
 
     const world::CasterTable& table_;
     const LightCasters& light_;
     OcclusionConfig config_;
-    std::vector<std::vector<uint8_t>> admitted_;  ///< [cascade][caster]
+    std::vector<std::vector<State>> states_;  ///< [cascade][caster]
+    std::vector<std::vector<world::CasterId>> waiting_;  ///< [cascade]; some of them have left, or came to wait again
+    std::vector<std::vector<Footprint>> begun_;  ///< [cascade] clusters, not tried yet, of a caster that others were of
     std::vector<std::array<std::vector<uint8_t>, kMaxCascades>> bits_;  ///< [caster][cascade][cluster]
     std::vector<Certificate> certificates_;
     std::vector<uint32_t> free_;

@@ -416,7 +416,7 @@ void ResidentScene::occlude(SunSide& side, std::span<const Eye> eyes, SceneChang
     // thousandth of the coarsest one's ground and would cost most of the rays.
     const auto& cascades = side.light.cascades();
     side.certifiedAt.resize(eyes.size() * cascades.size());
-    std::vector<world::CasterId> near, provers;
+    std::vector<world::CasterId> near;
     for (size_t n = 0; n < side.certifiedAt.size(); ++n) {
         const size_t c = n % cascades.size();
         const glm::dvec2 at(side.light.space().toLight(eyes[n / cascades.size()].position));
@@ -427,12 +427,9 @@ void ResidentScene::occlude(SunSide& side, std::span<const Eye> eyes, SceneChang
         if (before) newcomers(side.light, *before, at, reach, near);
         else culling::castersOver(statics_, side.light, at - reach, at + reach, near);
         before = at;
-        if (near.empty()) continue;
-        world::Box over;
-        for (const world::CasterId id : near) over.add(side.light[id].bounds);
-        culling::castersOver(statics_, side.light, glm::dvec2(over.min), glm::dvec2(over.max), provers);
-        changes.certify += side.occlusion->admit(int(c), near, provers);
+        side.occlusion->await(int(c), near);
     }
+    changes.certify += side.occlusion->search(statics_, kRaysPerFrame);
 }
 
 world::Result<SceneChanges> ResidentScene::advance(double time, std::span<const Eye> eyes,

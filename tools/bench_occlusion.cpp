@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <deque>
+#include <limits>
 #include <map>
 
 #include "culling/bare_rays.h"
@@ -14,7 +15,9 @@ namespace {
 using world::Result;
 
 constexpr int kRounds = 5;
-constexpr double kSlack = 0.25;  ///< as the service: casters are admitted that far beyond the window [splits]
+constexpr double kSlack = 0.25;  ///< as the service: casters are asked about that far beyond the window [splits]
+constexpr double kSmallestCell = 8;  ///< as the service [m]
+constexpr uint64_t kUnlimited = std::numeric_limits<uint64_t>::max();
 constexpr double kGoal = 0.8;
 
 /// Static casters with all that they refer to.
@@ -94,7 +97,11 @@ Result<std::vector<SearchCost>> measureSearch(const world::WorldStore& store, gl
     if (const auto done = read(store, space.value(), at, reachOf(cascades.value().back()), scene); !done)
         return done.error();
     culling::LightCasters light(space.value(), cascades.value(), {config.levelError, config.smallestCaster});
-    for (world::CasterId id : scene.ids) light.addStatic(id, scene.table);
+    world::Octree statics(store.header().bounds, kSmallestCell);
+    for (world::CasterId id : scene.ids) {
+        light.addStatic(id, scene.table);
+        statics.insert(id, scene.table[id].bounds);
+    }
     const double range = std::max(1.0, space.value().toLight(store.header().bounds).extent().z);
     const culling::OcclusionConfig occlusionConfig{{config.raysPerCluster, range, config.side}};
 
@@ -113,7 +120,10 @@ Result<std::vector<SearchCost>> measureSearch(const world::WorldStore& store, gl
         for (int round = 0; round < kRounds; ++round) {
             cost.bare.push_back(wallMs([&] { rays.value()->shoot(); }));
             culling::Occlusion occlusion(scene.table, light, occlusionConfig);
-            cost.search.push_back(wallMs([&] { cost.counts = occlusion.admit(c, near, near); }));
+            cost.search.push_back(wallMs([&] {
+                occlusion.await(c, near);
+                cost.counts = occlusion.search(statics, kUnlimited);
+            }));
         }
         CHECK(cost.counts.rays == rays.value()->rays());
         costs.push_back(std::move(cost));

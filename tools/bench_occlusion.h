@@ -17,7 +17,7 @@ struct SearchCost {
     uint64_t triangles = 0;  ///< at the level that the cascade draws
     culling::CertifyCosts counts{};
     std::vector<double> bare{};    ///< Embree alone, all the rays [ms]
-    std::vector<double> search{};  ///< Occlusion::admit [ms]
+    std::vector<double> search{};  ///< Occlusion::search for all that are new [ms]
 };
 
 /// Reads what the windows around `eye` reach and measures each cascade in turns, Embree and search, so that a busy

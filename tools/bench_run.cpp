@@ -12,7 +12,8 @@ using server::ShadowSystem;
 using world::Done;
 using world::Result;
 
-constexpr size_t kSettling = 3;  ///< frames: a jump, what it left active, and one to see that it is over
+/// Frames: a jump, what it left active, and one to see that it is over. As many more as the search for certificates takes.
+constexpr size_t kSettling = 3;
 
 /// A system with the objects that move in it.
 struct Player {
@@ -82,6 +83,7 @@ struct BenchRun::Impl {
     BenchConfig config;
     std::optional<uint32_t> mesh;  ///< of movers
     double time = 0;               ///< of the next frame [s]
+    bool searching = false;        ///< the last frame looked for certificates
 
     /// The last plan of the cache, by the floor. All plans are: so its maps hold the same.
     Result<double> runFloor() {
@@ -97,6 +99,7 @@ struct BenchRun::Impl {
         double wholeMs = 0;
         const auto report = cached.advance(pose, time, &wholeMs);
         if (!report) return report.error();
+        searching = report.value().rays > 0;
         if (cost) {
             cost->whole.push_back(wholeMs);
             add(*cost, report.value());
@@ -159,7 +162,7 @@ Result<MotionCost> BenchRun::play(const Motion& motion) {
     for (Player* player : {&run.cached, &run.redrawing})
         if (player->system)
             if (const auto done = player->enter(motion, run.mesh); !done) return done.error();
-    for (size_t k = 0; k < kSettling; ++k)
+    for (size_t k = 0; k < kSettling || run.searching; ++k)
         if (const auto done = run.frame(motion.poses.front(), k == 0 && redraws > 0, nullptr); !done)
             return done.error();
     for (size_t k = 0; k < frames; ++k) {

@@ -73,6 +73,7 @@ void addMoving(StressResult& r, const ReplayFrame& frame) {
     }
     r.longestLack = std::max(r.longestLack, report.longestLack);
     r.mostArrivals = std::max<uint64_t>(r.mostArrivals, report.chunkArrivals + report.refinements);
+    r.mostRays = std::max(r.mostRays, report.rays);
     r.frameMs.push_back(frame.advanceMs);
 }
 
@@ -84,6 +85,8 @@ void judge(const StressCase& c, StressResult& r) {
         fail(count(r.restingHoles) + " texels still wrong after the rest");
     if (r.summary.mostResident > r.memoryBudget) fail("the memory budget was exceeded");
     if (r.summary.mostGeometry > r.geometryBudget) fail("the geometry budget was exceeded");
+    if (r.mostRays >= server::kRaysPerFrame + c.config.raysPerCluster)
+        fail(count(r.mostRays) + " rays for certificates in a frame");
     if (r.summary.differingTexels > 0) fail(count(r.summary.differingTexels) + " texels differ from the redraw");
     if (r.summary.errors > 0 && !c.losesChunks) fail(count(r.summary.errors) + " errors");
 }
@@ -225,6 +228,7 @@ std::string stressJson(const std::vector<StressResult>& results, const std::stri
                          {"chunk_refinements", s.refinements},
                          {"chunk_departures", s.chunkDepartures},
                          {"most_arrivals_in_a_frame", r.mostArrivals},
+                         {"most_rays_in_a_frame", r.mostRays},
                          {"edits", r.edits},
                          {"errors", s.errors},
                          {"plan_hash", s.planHash},

@@ -25,6 +25,7 @@ struct StressResult {
     uint64_t unknownTexels = 0, staleTexels = 0, oldestDebt = 0;  ///< likewise, and [frames]
     double longestLack = 0;        ///< [s]
     uint64_t mostArrivals = 0;     ///< chunks taken up in a frame
+    uint64_t mostRays = 0;         ///< asked in a frame
     uint64_t edits = 0;            ///< of the ground
     std::vector<double> frameMs;
     uint64_t windowTexels = 0;     ///< of all cascades together

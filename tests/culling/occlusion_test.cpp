@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <limits>
 #include <random>
 
 #include "culling/bare_rays.h"
@@ -16,6 +17,8 @@ using tests::ToyScene;
 
 constexpr int kSide = 96;
 const std::vector<culling::Cascade> kCascades{{4.4, 0.1}, {17.6, 0.4}};
+
+constexpr uint64_t kUnlimited = std::numeric_limits<uint64_t>::max();
 
 culling::OcclusionConfig configured(uint32_t rays, bool sticky = false) { return {{rays, 100, kSide}, sticky}; }
 
@@ -33,10 +36,12 @@ struct Layers {
         eye = light;
         occlusion = std::make_unique<culling::Occlusion>(scene.table, scene.light, configured(4096, sticky));
     }
+    void await() {
+        for (int c = 0; c < int(kCascades.size()); ++c) occlusion->await(c, ids);
+    }
     culling::CertifyCosts certify() {
-        culling::CertifyCosts costs;
-        for (int c = 0; c < int(kCascades.size()); ++c) costs += occlusion->admit(c, ids, ids);
-        return costs;
+        await();
+        return occlusion->search(scene.statics, kUnlimited);
     }
     world::Placement somewhere(double low, double high, double tilt) {
         const auto uniform = [&](double a, double b) { return std::uniform_real_distribution<double>(a, b)(rng); };
@@ -103,6 +108,46 @@ TEST(Occlusion, EmbreeFindsNoOpeningOverWhatIsHidden) {
     }
     EXPECT_GT(hidden, 100u);
     EXPECT_GT(open, 10000u) << "rays that meet everything judge nothing";
+}
+
+TEST(Occlusion, ASearchInPiecesKeepsItsShareAndFindsTheSame) {
+    Layers whole(3), pieces(3);
+    const culling::CertifyCosts all = whole.certify();
+    pieces.await();
+    culling::CertifyCosts sum;
+    for (const uint64_t share : {1, 700, 1, 5000}) {
+        const culling::CertifyCosts costs = pieces.occlusion->search(pieces.scene.statics, share);
+        EXPECT_GT(costs.rays, 0u);
+        EXPECT_LT(costs.rays, share + 4096) << "beyond its share only the cluster that it was at";
+        if (share == 1) {
+            EXPECT_EQ(costs.clustersTested, 1u);
+        }
+        sum += costs;
+        pieces.await();
+    }
+    ASSERT_LT(sum.rays, all.rays);
+    EXPECT_EQ(drawn(pieces, true), drawn(pieces, false)) << "half a search hides nothing that can be seen";
+    sum += pieces.occlusion->search(pieces.scene.statics, kUnlimited);
+    EXPECT_EQ(sum.rays, all.rays);
+    EXPECT_EQ(sum.clustersTested, all.clustersTested);
+    EXPECT_EQ(sum.certificates, all.certificates);
+    EXPECT_GT(all.certificates, 0u);
+    for (int c = 0; c < int(kCascades.size()); ++c)
+        for (world::CasterId id : pieces.ids)
+            for (uint32_t k = 0; k < pieces.scene.light.rects(id, c).size(); ++k)
+                EXPECT_EQ(pieces.occlusion->hidden(c, id, k), whole.occlusion->hidden(c, id, k));
+}
+
+TEST(Occlusion, WhoLeavesWaitsNoMore) {
+    Layers l(3);
+    const uint64_t all = Layers(3).certify().rays;
+    for (int round = 0; round < 3; ++round) {
+        l.await();
+        EXPECT_EQ(l.occlusion->search(l.scene.statics, 1).clustersTested, 1u) << "the others of its caster have begun";
+        l.occlusion->remove(l.ids);
+        EXPECT_EQ(l.occlusion->search(l.scene.statics, kUnlimited).rays, 0u);
+    }
+    EXPECT_EQ(l.certify().rays, all) << "each once, though they had come before";
 }
 
 /// Takes the casters away one by one; true while each map equals the one drawn from scratch.
@@ -174,8 +219,10 @@ TEST(Occlusion, TwinsInOnePlaceHideNeitherEachOtherNorThemselves) {
     const std::vector<world::CasterId> ids{scene.addStatic(sheet, tests::placedAt(glm::dvec3(0))),
                                            scene.addStatic(sheet, tests::placedAt(glm::dvec3(0)))};
     culling::Occlusion occlusion(scene.table, scene.light, configured(4096));
-    EXPECT_EQ(occlusion.admit(0, ids, ids).certificates, 0u);
-    EXPECT_EQ(occlusion.admit(0, ids, ids).rays, 0u) << "tried once, not again";
+    occlusion.await(0, ids);
+    EXPECT_EQ(occlusion.search(scene.statics, kUnlimited).certificates, 0u);
+    occlusion.await(0, ids);
+    EXPECT_EQ(occlusion.search(scene.statics, kUnlimited).rays, 0u) << "tried once, not again";
 }
 
 TEST(Occlusion, ABudgetTooSmallForAFootprintDrawsIt) {
@@ -187,8 +234,9 @@ TEST(Occlusion, ABudgetTooSmallForAFootprintDrawsIt) {
     // About 20 x 20 texels in the fine cascade and 7 x 7 in the coarse one.
     for (const auto& [budget, certificates] : {std::pair(4096u, 2u), {100u, 1u}, {1u, 0u}}) {
         culling::Occlusion occlusion(scene.table, scene.light, configured(budget));
-        const size_t found = occlusion.admit(0, ids, ids).certificates + occlusion.admit(1, ids, ids).certificates;
-        EXPECT_EQ(found, certificates) << budget << " rays";
+        occlusion.await(0, ids);
+        occlusion.await(1, ids);
+        EXPECT_EQ(occlusion.search(scene.statics, kUnlimited).certificates, certificates) << budget << " rays";
     }
 }
 

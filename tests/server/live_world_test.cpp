@@ -74,14 +74,21 @@ TEST(LiveWorld, StaysExactThroughMixedLife) {
 TEST(LiveWorld, DroppedCastersAreCountedAndProveNothing) {
     ShadowConfig config = small();
     config.smallestCaster = 30;  // in the far cascade that is every caster but the grounds
+    // A frame has its share of the search for certificates: later ones hide what the first had to draw.
+    const auto hidden = [](ShadowSystem& system) {
+        uint64_t clusters = 0;
+        for (int frame = 1; frame <= 60; ++frame)
+            clusters += system.advance({frame / 30.0, {{0.5 * frame, 2, 0}, {1, 0, 0, 0}}, {}}).value().cascades[2].clustersHidden;
+        return clusters;
+    };
     const auto system = make(config);
     const auto report = system->advance({0, {{0, 2, 0}, {1, 0, 0, 0}}, {}}).value();
     EXPECT_EQ(report.cascades[0].castersDropped, 0u);
     EXPECT_GT(report.cascades[2].castersDropped, 100u);
-    EXPECT_EQ(report.cascades[2].clustersHidden, 0u) << "only roofs hide anything here";
+    EXPECT_EQ(hidden(*system), 0u) << "only roofs hide anything here";
     EXPECT_EQ(system->verify().value().differing, 0u);
     config.smallestCaster = 0;
-    EXPECT_GT(make(config)->advance({0, {{0, 2, 0}, {1, 0, 0, 0}}, {}}).value().cascades[2].clustersHidden, 0u);
+    EXPECT_GT(hidden(*make(config)), 0u);
 }
 
 TEST(LiveWorld, TheSameSeedLivesTheSameLife) {

