@@ -5,6 +5,8 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "tools/chart.h"
+
 namespace tools {
 namespace {
 
@@ -192,6 +194,21 @@ std::string stressTable(const std::vector<StressResult>& results) {
     for (const StressResult& r : results)
         for (const std::string& failure : r.failures) out += r.name + ": " + failure + '\n';
     return out;
+}
+
+std::string prefetchChart(const std::vector<StressResult>& results) {
+    Chart chart{.title = "What looking ahead is worth: none, by the eye's speed, or with its path told beforehand",
+                .x = "read [MB, decoded]",
+                .y = "wrong texels [% of those compared]",
+                .lines = {}};
+    for (const StressResult& r : results) {
+        const size_t speed = r.name.find('-') + 1, kind = r.name.rfind('-') + 1;  // prefetch-SPEED-KIND
+        const std::string line = r.name.substr(speed, kind - 1 - speed) + " m/s";
+        if (chart.lines.empty() || chart.lines.back().name != line) chart.lines.push_back({line, {}});
+        chart.lines.back().points.push_back(
+            {double(r.summary.bytesRead) / 1e6, percent(r.holes, r.comparedTexels), r.name.substr(kind)});
+    }
+    return toSvg(chart);
 }
 
 std::string stressJson(const std::vector<StressResult>& results, const std::string& world, uint64_t seed) {

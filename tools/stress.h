@@ -54,6 +54,8 @@ world::Result<StressResult> runStress(gpu::Device& device, const world::WorldSto
 
 /// One line per case, and why those failed that did.
 std::string stressTable(const std::vector<StressResult>& results);
+/// An SVG for results of prefetchCases, in their order: bytes read against wrong texels, a line for each speed.
+std::string prefetchChart(const std::vector<StressResult>& results);
 /// stress.json: verdicts and sums; times are in a member "times" of each case.
 std::string stressJson(const std::vector<StressResult>& results, const std::string& world, uint64_t seed);
 

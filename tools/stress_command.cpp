@@ -108,8 +108,11 @@ Result<int> runStressCommand(StressOptions options) {
     const std::string name = std::filesystem::path(options.world).filename().string();
     if (const auto written = results.value().write("stress.json", stressJson(done, name, options.plan.seed)); !written)
         return written.error();
+    if (options.prefetch)
+        if (const auto drawn = results.value().write("prefetch.svg", prefetchChart(done)); !drawn) return drawn.error();
     if (const auto committed = results.value().commit(); !committed) return committed.error();
     std::cout << stressTable(done) << "\n" << folder << "/stress.json holds all of it\n";
+    if (options.prefetch) std::cout << folder << "/prefetch.svg draws it\n";
     const std::vector<std::string> messages = device.value()->validationMessages();
     for (const std::string& message : messages) std::cerr << message << '\n';
     if (!messages.empty())
