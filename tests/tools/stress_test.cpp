@@ -86,6 +86,15 @@ TEST(Stress, EveryCaseKeepsItsPromises) {
     tests::expectSilence();
 }
 
+TEST(Stress, TheCaseOfAllHasThemAll) {
+    const std::vector<StressCase> cases = tools::stressCases(hills(), plan());
+    const StressCase all = named("all", cases);
+    EXPECT_EQ(all.config.sun, named("low-sun", cases).config.sun);
+    EXPECT_EQ(all.config.streaming.disk.latency, named("slow-disk", cases).config.streaming.disk.latency);
+    EXPECT_EQ(all.config.streaming.disk.bandwidth, named("slow-disk", cases).config.streaming.disk.bandwidth);
+    EXPECT_EQ(all.memoryShare, named("memory-half", cases).memoryShare);
+}
+
 TEST(Stress, SameSeedSameNumbersForAnyNumberOfThreads) {
     std::vector<std::string> texts;
     for (const size_t threads : {1, 2, 5}) {
