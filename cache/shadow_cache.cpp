@@ -1,6 +1,7 @@
 #include "cache/shadow_cache.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "cache/invalidation.h"
 #include "cache/plan_writer.h"
@@ -67,6 +68,8 @@ struct ShadowCache::Scratch {
     std::vector<world::CasterId> arrivals, casters;
     culling::CasterRows active;
     std::vector<Piece> pieces;
+    std::vector<PlanWriter::Counts> counts;         ///< per item of `work`
+    std::vector<std::pair<size_t, size_t>> written; ///< per target: clears and static passes of its plan
     RectSet covered, fresh, dirt;
 };
 
@@ -83,7 +86,7 @@ private:
     CascadePlan& maps(size_t c) { return plan_.cascades[cache_.config_.firstMap + cascades_[c].state->map]; }
     void sleep(size_t cascade);
     void collect(size_t cascade);
-    void drawAll();
+    bool drawWhole(const Limits& limits);
     void drawWithin(Limits limits);
     bool take(Work work, Limits& left);
     PlanWriter::Counts write(const Work& work);
@@ -102,7 +105,7 @@ private:
     std::vector<Work>& work_;
     std::vector<world::CasterId>&arrivals_, &casters_;
     std::vector<Piece>& pieces_;
-    Cost drawn_;  ///< so far, where there are limits
+    Cost drawn_;  ///< so far, where limits cut the work
 };
 
 ShadowCache::Frame::Frame(const ShadowCache& cache, std::span<const Target> targets, const Scene& scene,
@@ -235,12 +238,35 @@ PlanWriter::Counts ShadowCache::Frame::write(const Work& work) {
     return counts;
 }
 
-void ShadowCache::Frame::drawAll() {
+/// Draws everything uncut: cut work draws clusters once for each block that they meet. False if the limits leave no room
+/// for it; then nothing is drawn.
+bool ShadowCache::Frame::drawWhole(const Limits& limits) {
+    uint64_t texels = 0, triangles = 0;
+    for (const Work& work : work_) texels += static_cast<uint64_t>(work.region.rect.area());
+    if (texels > limits.texels) return false;
+    const size_t transforms = plan_.transforms.size(), items = plan_.items.size();
+    scratch_.written.clear();
+    for (size_t c = 0; c < statistics_.size(); ++c)
+        scratch_.written.push_back({maps(c).clears.size(), maps(c).staticPasses.size()});
+    scratch_.counts.clear();
     for (const Work& work : work_) {
-        CascadeStatistics& s = statistics_[size_t(work.cascade)];
-        tally(s, s.byCause[size_t(work.region.cause)], write(work));
-        cascades_[size_t(work.cascade)].drawn.addExactly(work.region.rect);
+        scratch_.counts.push_back(write(work));
+        triangles += scratch_.counts.back().cost.triangles;
+        if (triangles <= limits.triangles) continue;
+        plan_.transforms.resize(transforms);
+        plan_.items.resize(items);
+        for (size_t c = 0; c < statistics_.size(); ++c) {
+            maps(c).clears.resize(scratch_.written[c].first);
+            maps(c).staticPasses.resize(scratch_.written[c].second);
+        }
+        return false;
     }
+    for (size_t k = 0; k < work_.size(); ++k) {
+        CascadeStatistics& s = statistics_[size_t(work_[k].cascade)];
+        tally(s, s.byCause[size_t(work_[k].region.cause)], scratch_.counts[k]);
+        cascades_[size_t(work_[k].cascade)].drawn.addExactly(work_[k].region.rect);
+    }
+    return true;
 }
 
 /// Sets texels to unknown in both maps.
@@ -365,8 +391,7 @@ void ShadowCache::Frame::run() {
         if (demand_.asleep >> cascades_[c].number & 1) sleep(c);
         else collect(c);
     }
-    if (demand_.limits.limited()) drawWithin(demand_.limits);
-    else drawAll();
+    if (!drawWhole(demand_.limits)) drawWithin(demand_.limits);
     for (size_t c = 0; c < statistics_.size(); ++c) {
         Cascade& cascade = cascades_[c];
         State& state = *cascade.state;

@@ -274,6 +274,19 @@ TEST(ShadowCache, LimitsHoldAndWhatIsLeftIsOwedAndPaid) {
     }
 }
 
+TEST(ShadowCache, LimitsThatSufficeChangeNothing) {
+    for (const uint32_t seed : {13, 14, 15}) {
+        const glm::dvec3 away(64, 0, 64);  // where blocks end that do not end at a wrap
+        Life unlimited(seed, away, cache::Sabotage::kNone), limited(seed, away, cache::Sabotage::kNone);
+        for (int frame = 0; frame < 60; ++frame) {
+            ASSERT_TRUE(unlimited.step(frame));
+            ASSERT_TRUE(limited.step(frame, {1'000'000, 1'000'000}));
+            for (size_t c = 0; c < 2; ++c)
+                ASSERT_EQ(limited.statistics()[c].byCause, unlimited.statistics()[c].byCause) << "frame " << frame;
+        }
+    }
+}
+
 TEST(ShadowCache, NearestUnknownTexelsComeFirst) {
     Life life(10, glm::dvec3(0), cache::Sabotage::kNone);
     life.step(0, {400, cache::Limits::kNone});
