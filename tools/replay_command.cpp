@@ -52,6 +52,10 @@ struct ReplayOptions {
     std::string dump, out;  ///< empty: no pictures; NAME.replay
 };
 
+/// What drawing into cache maps may take in a frame of the live clock, unless another budget is given [ms]: a quarter of
+/// the time between a recording's frames. A start, a jump, or much that arrives at once then takes several of them.
+constexpr double kLiveBudgetMs = 8;
+
 Error usage(std::string what) { return {ErrorCode::kUsage, std::move(what)}; }
 
 /// The system's configuration as the options say it; ranges of the numbers are the system's to test.
@@ -76,6 +80,9 @@ Result<server::ShadowConfig> shadowConfig(const ReplayOptions& options) {
     config.streaming.clock = options.clock == "live"      ? world::Clock::kLive
                              : options.clock == "virtual" ? world::Clock::kVirtual
                                                           : world::Clock::kLockStep;
+    if (config.streaming.clock == world::Clock::kLive && config.budget.ms == 0 && options.budgetTexels == 0 &&
+        options.budgetTriangles == 0)
+        config.budget.ms = kLiveBudgetMs;
     config.streaming.disk.latency = options.diskLatencyMs / 1e3;
     config.streaming.disk.bandwidth = options.diskBandwidthMB * 1e6;
     config.geometryBytes = options.gpuBudget << 20;
@@ -292,7 +299,8 @@ void addSystemOptions(CLI::App& parser, ReplayOptions& options) {
         ->check(CLI::Range(uint64_t(1), uint64_t(1) << 40));
     parser.add_option("--budget-triangles", options.budgetTriangles, "most static triangles that a frame draws")
         ->check(CLI::Range(uint64_t(1), uint64_t(1) << 40));
-    parser.add_option("--budget-ms", options.shadow.budget.ms, "most time that the GPU's part may take [ms], by measure");
+    parser.add_option("--budget-ms", options.shadow.budget.ms,
+                      "most time that the GPU's part may take [ms], by measure; with --clock live 8, if no budget is given");
     parser.add_option("--spot", options.spots,
                       "X,Y,Z,DX,DY,DZ,ANGLE,RANGE of a spot light [m, degrees from axis to edge]; may be given again")
         ->allow_extra_args(false);
