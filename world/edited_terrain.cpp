@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include "world/level_set.h"
 #include "world/mesh_changes.h"
 #include "world/streamer.h"
 
@@ -35,12 +36,14 @@ std::vector<Box> changesBetween(const Mesh& before, const Mesh& after) {
 /// Null if the edit changes nothing of the chunk.
 Result<EditedPointer> changed(const WorldStore& store, const EditedChunk& before, const TerrainEdit& edit) {
     const ChunkKey key = before.record.key;
-    Result<LevelSet> set = edited(before.set, key, edit);
+    const Result<LevelSet> known = decodeLevelSet(before.set);
+    CHECK(known);
+    const Result<LevelSet> set = edited(known.value(), key, edit);
     if (!set) return set.error();
-    if (set.value() == before.set) return EditedPointer();
+    if (set.value() == known.value()) return EditedPointer();
     auto after = std::make_shared<EditedChunk>();
-    after->set = std::move(set.value());
-    if (!after->set.leaves.empty()) after->terrain = terrainMesh(after->set);
+    after->set = encodeLevelSet(set.value());
+    if (!set.value().leaves.empty()) after->terrain = terrainMesh(set.value());
     if (after->terrain.levels.empty()) return bad(store, key, "no surface is left of its terrain");
     after->changes = changesBetween(before.terrain, after->terrain);
     after->record = before.record;
@@ -56,7 +59,7 @@ Result<EditedPointer> changed(const WorldStore& store, const EditedChunk& before
 }  // namespace
 
 uint64_t memoryBytes(const EditedChunk& chunk) {
-    uint64_t bytes = chunk.set.leaves.size() * sizeof(LevelSetLeaf);
+    uint64_t bytes = chunk.set.size();
     for (const LevelRecord& level : chunk.record.terrain) bytes += memoryBytes(level);
     return bytes;
 }
@@ -81,9 +84,9 @@ Result<EditedPointer> EditedTerrain::current(ChunkKey key) const {
     if (const auto known = chunks_.find(key); known != chunks_.end()) return known->second;
     Result<Chunk> chunk = store_.readChunk(key);
     if (!chunk) return chunk.error();
-    const auto raw = store_.readBlob({key.x, key.y, key.z, 0, BlobKind::kLevelSet});
+    auto raw = store_.readBlob({key.x, key.y, key.z, 0, BlobKind::kLevelSet});
     if (!raw) return raw.error();
-    Result<LevelSet> set = decodeLevelSet(raw.value());
+    const Result<LevelSet> set = decodeLevelSet(raw.value());
     if (!set) return bad(store_, key, set.error().what);
     const Header& header = store_.header();
     if (set.value().leaves.empty() || set.value().voxel != header.voxel ||
@@ -94,7 +97,7 @@ Result<EditedPointer> EditedTerrain::current(ChunkKey key) const {
     for (const Instance& instance : chunk.value().instances)
         state->instanceBounds.add(transformed(store_.meshes()[instance.mesh].bounds,
                                               glm::dmat3(instance.placement.linear), instance.placement.translation));
-    state->set = std::move(set.value());
+    state->set = std::move(raw.value());
     state->terrain = std::move(chunk.value().terrain);
     return EditedPointer(std::move(state));
 }

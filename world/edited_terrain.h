@@ -1,6 +1,7 @@
 // world/edited_terrain.h — a world's terrain while it is edited: what edits changed, over what the file holds.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <map>
@@ -17,7 +18,7 @@ namespace world {
 struct EditedChunk {
     ChunkRecord record;       ///< with its new bounds and levels
     Box instanceBounds;       ///< of what stands in the chunk, world frame [m]
-    LevelSet set;
+    std::vector<std::byte> set;  ///< encoded: a level set takes several times as much
     Mesh terrain;
     /// By level: where the edit changed the terrain; empty for nowhere. In the chunk's frame [m]. All of it, in both
     /// states, for a level that only one of them has.

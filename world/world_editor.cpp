@@ -111,7 +111,7 @@ Result<Done> WorldEditor::Impl::write(const ChangedChunk& chunk) {
     const auto row = [at](BlobKind kind, size_t lod) {
         return BlobKey{at.x, at.y, at.z, static_cast<int32_t>(lod), kind};
     };
-    Result<Done> done = write(row(BlobKind::kLevelSet, 0), encodeLevelSet(chunk.set));
+    Result<Done> done = write(row(BlobKind::kLevelSet, 0), chunk.set);
     for (size_t k = 0; done && k < levels; ++k)
         done = write(row(BlobKind::kTerrainMesh, k), encodeMeshLevel(chunk.terrain.levels[k]));
     if (!done) return done;

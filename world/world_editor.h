@@ -1,12 +1,13 @@
 // world/world_editor.h — changes chunks of a finished world in place: an edit is in the file whole, or not at all.
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "world/chunk.h"
-#include "world/level_set.h"
 #include "world/result.h"
 
 namespace world {
@@ -14,7 +15,7 @@ namespace world {
 /// A chunk whose terrain was changed. Holds views.
 struct ChangedChunk {
     const ChunkRecord& record;  ///< with its new bounds and levels; the rest as it was
-    const LevelSet& set;
+    const std::vector<std::byte>& set;  ///< encoded
     const Mesh& terrain;        ///< at least one level, with clusters
 };
 
