@@ -152,6 +152,7 @@ Json timesJson(const Summary& summary) {
     }
     return {{"frame_p50_ms", quantile(summary.frameMs, 0.5)},
             {"frame_p95_ms", quantile(summary.frameMs, 0.95)},
+            {"frame_p99_9_ms", quantile(summary.frameMs, 0.999)},
             {"frame_max_ms", quantile(summary.frameMs, 1)},
             {"stream_sum_ms", summary.cpu.streamMs},
             {"sets_sum_ms", summary.cpu.setsMs},

@@ -207,9 +207,9 @@ std::string toText(const ReplayHead& head, const Summary& sum) {
         print(out, "Lacking    in %s frames a map lacked chunks, for %.2f s at most: %s texels of frames missing, %s too coarse\n",
               count(sum.lackingFrames).c_str(), sum.longestLack, count(sum.missingTexels).c_str(),
               count(sum.coarseTexels).c_str());
-    print(out, "Frames     p50 %.3f ms, p95 %.3f ms, max %.3f ms; %s of %s submitted nothing\n",
-          quantile(sum.frameMs, 0.5), quantile(sum.frameMs, 0.95), quantile(sum.frameMs, 1),
-          count(sum.idleFrames).c_str(), count(sum.frames).c_str());
+    print(out, "Frames     p50 %.3f ms, p95 %.3f ms, p99.9 %.3f ms, max %.3f ms; %s of %s submitted nothing\n",
+          quantile(sum.frameMs, 0.5), quantile(sum.frameMs, 0.95), quantile(sum.frameMs, 0.999),
+          quantile(sum.frameMs, 1), count(sum.idleFrames).c_str(), count(sum.frames).c_str());
     const std::string skipped =
         sum.skippedTexels > 0 ? ", " + count(sum.skippedTexels) + " left out as stale" : std::string();
     print(out, "Verified   %s frames, %s texels compared%s, %s differ; plans %016llx\n",
