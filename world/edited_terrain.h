@@ -28,7 +28,7 @@ struct EditedChunk {
 /// What it takes in memory, but for a few hundred bytes.
 uint64_t memoryBytes(const EditedChunk& chunk);
 
-/// Holds all chunks that were edited, about 0.5 MB each, whatever becomes of the file. One thread at a time, except for
+/// Holds all chunks that were edited, 0.5 to 1 MB each, whatever becomes of the file. One thread at a time, except for
 /// `require`; `apply` runs on all of TBB's threads and gives the same chunks for any number of them.
 class EditedTerrain {
 public:
