@@ -34,8 +34,8 @@ struct LookupBias {
 };
 
 /// Answers for world points [m] from a camera's working maps as they are, the nearest cascade that holds and
-/// knows a point first. `gaps`: per cascade of the sun, texels that chunks which are not there may shade. Reads whole maps back:
-/// for batches. kDevice from the GPU.
+/// knows a point first. `gaps`: per cascade of the sun, texels that chunks which are not there may shade. Reads whole
+/// maps back: for batches. kDevice from the GPU.
 world::Result<std::vector<PointAnswer>> lookup(gpu::ShadowMaps& maps, const Sun& sun, int camera,
                                                std::span<const cache::RectSet> gaps,
                                                std::span<const glm::dvec3> points, const LookupBias& bias);

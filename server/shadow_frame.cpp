@@ -40,7 +40,6 @@ gpu::GpuTimes byCascade(const gpu::GpuTimes& maps, std::span<const uint8_t> casc
     return times;
 }
 
-
 Result<world::Done> ShadowSystem::Impl::takeCameras(const FrameInput& input) {
     const auto wrong = [this](const std::string& what) {
         return Error{ErrorCode::kUsage, "frame " + std::to_string(frame) + ": " + what};

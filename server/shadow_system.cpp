@@ -272,6 +272,7 @@ std::vector<TexelState> ShadowSystem::texelStates(int cascade, gpu::MapKind kind
 
 Result<std::vector<PointAnswer>> ShadowSystem::lookup(std::span<const glm::dvec3> points, const LookupBias& bias,
                                                       int camera) {
+    CHECK(camera >= 0 && camera < impl_->config.cameras);
     return server::lookup(*impl_->maps, impl_->shown(), camera, impl_->gaps, points, bias);
 }
 

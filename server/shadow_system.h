@@ -193,7 +193,7 @@ public:
     /// differently. Of fewer cameras the first ones stay. Certificates are sought anew. kUsage, kLimit, kDevice as in `create`: then nothing has changed,
     /// but that maps for the sun's next direction begin anew. `verify` and `redrawCosts` need a frame first.
     world::Result<world::Done> reconfigure(const MapSettings& settings);
-    /// Where the world has it.
+    /// Where the world has it, or it was spawned. CHECKs that it was not removed.
     const world::Placement& restPlacement(ObjectId object) const;
 
     /// Advances everything by one frame and hands its drawing to the GPU, in one submission. Does not wait for

@@ -9,6 +9,7 @@
 #include "cache/shadow_cache.h"
 #include "culling/light_space.h"
 #include "gpu/shadow_maps.h"
+#include "world/check.h"
 
 namespace server {
 
@@ -25,6 +26,7 @@ struct Sun {
     cache::Cause begin = cache::Cause::kStart;  ///< of its first drawing
 
     CascadeOf of(int number) const {
+        CHECK(number >= 0 && number < cascades());
         const int each = caches.front().cascades();
         return {caches[size_t(number / each)], number % each};
     }
