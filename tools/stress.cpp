@@ -79,14 +79,16 @@ void addMoving(StressResult& r, const ReplayFrame& frame) {
     r.frameMs.push_back(frame.advanceMs);
 }
 
-void judge(const StressCase& c, StressResult& r) {
+void judge(const StressCase& c, const StressNeed& need, StressResult& r) {
     const auto fail = [&](const std::string& what) { r.failures.push_back(what); };
     if (r.silentHoles > 0) fail(count(r.silentHoles) + " wrong texels were not known to be");
     if (r.holes > 0 && !c.mayLack) fail(count(r.holes) + " wrong texels although memory and disk suffice");
-    if (r.restingHoles > 0 && !c.losesChunks && (c.memoryShare == 0 || c.memoryShare >= 1))
+    if (r.restingHoles > 0 && !c.losesChunks && c.memoryShare == 0)
         fail(count(r.restingHoles) + " texels still wrong after the rest");
     if (r.summary.mostResident > r.memoryBudget) fail("the memory budget was exceeded");
     if (r.summary.mostGeometry > r.geometryBudget) fail("the geometry budget was exceeded");
+    if (c.mostShare > 0 && double(r.summary.mostResident) > c.mostShare * double(need.memory))
+        fail(count(r.summary.mostResident) + " bytes in memory, where one camera needs " + count(need.memory));
     if (r.mostRays >= server::kRaysPerFrame + c.config.raysPerCluster)
         fail(count(r.mostRays) + " rays for certificates in a frame");
     if (r.summary.differingTexels > 0) fail(count(r.summary.differingTexels) + " texels differ from the redraw");
@@ -168,7 +170,7 @@ Result<StressResult> runStress(gpu::Device& device, const world::WorldStore& sto
         return onFrame(frame);
     });
     if (!done) return named(done.error());
-    judge(c, r);
+    judge(c, need, r);
     return r;
 }
 

@@ -21,6 +21,8 @@ struct StressCase {
     server::ShadowConfig config;
     std::vector<std::pair<size_t, world::TerrainEdit>> edits;  ///< frames after which the ground is edited, ascending
     double memoryShare = 0;     ///< of what the first camera alone needs; 0: plenty
+    double mostShare = 0;       ///< of the same: what may be held at most; 0: up to the budget
+    bool needs() const { return memoryShare > 0 || mostShare > 0; }  ///< that need must be known
     bool mayLack = false;       ///< texels may be wrong while the eye moves; they must be known to be
     bool losesChunks = false;   ///< some chunks cannot be read at all
     bool foresight = false;     ///< the way is told beforehand

@@ -96,7 +96,7 @@ Result<int> runStressCommand(StressOptions options) {
     std::vector<StressResult> done;
     for (const StressCase& c : cases.value()) {
         StressNeed need;
-        if (c.memoryShare > 0) {
+        if (c.needs()) {
             const auto measured = measureNeed(*device.value(), store.value(), c);
             if (!measured) return measured.error();
             need = measured.value();

@@ -46,7 +46,7 @@ StressCase named(const std::string& name, std::vector<StressCase> cases) {
 
 StressResult run(const StressCase& c) {
     gpu::Device& device = tests::validatedDevice();
-    const tools::StressNeed need = c.memoryShare > 0 ? tools::measureNeed(device, hills(), c).value() : tools::StressNeed{};
+    const tools::StressNeed need = c.needs() ? tools::measureNeed(device, hills(), c).value() : tools::StressNeed{};
     const auto result = tools::runStress(device, hills(), c, need, 5, [](const tools::ReplayFrame&) { return world::Done{}; });
     if (!result) throw std::runtime_error(result.error().what);
     return result.value();
