@@ -122,9 +122,35 @@ Touched touched(const ClusterRect& rect, glm::dvec2 origin, double texel) {
             glm::floor((origin + glm::dvec2(rect.max)) / texel) + 2.0};
 }
 
+/// How deep clusters that are asked about lie, texel by texel: what is no nearer, or elsewhere, proves nothing.
+class Fronts {
+public:
+    void reset(glm::ivec2 size) {
+        size_ = size;
+        fronts_.assign(size_t(size.x) * size_t(size.y), -std::numeric_limits<double>::infinity());
+    }
+    void add(glm::ivec2 first, glm::ivec2 last, double front) {
+        for (int y = first.y; y <= last.y; ++y)
+            for (int x = first.x; x <= last.x; ++x) at(x, y) = std::max(at(x, y), front);
+    }
+    /// True if something that begins at `depth` may lie before what is asked about, at one of the texels.
+    bool before(double depth, glm::ivec2 first, glm::ivec2 last) {
+        for (int y = first.y; y <= last.y; ++y)
+            for (int x = first.x; x <= last.x; ++x)
+                if (depth < at(x, y)) return true;
+        return false;
+    }
+
+private:
+    double& at(int x, int y) { return fronts_[size_t(y) * size_t(size_.x) + size_t(x)]; }
+    glm::ivec2 size_{0};
+    std::vector<double> fronts_;
+};
+
 /// What one thread needs to answer tiles.
 struct Scratch {
     Coverage coverage;
+    Fronts fronts;
     std::vector<uint32_t> met;        ///< clusters
     std::vector<glm::dvec3> corners;  ///< of a whole level, placed
 };
@@ -155,11 +181,20 @@ void Search::cover(world::CasterId caster, glm::i64vec2 low, Scratch& scratch) c
     const world::MeshLevel& level = levelOf(table_, light_, caster, cascade_);
     const ClusterRects rects = light_.rects(caster, cascade_);
     const glm::dvec2 origin = glm::dvec2(light_[caster].origin) - glm::dvec2(low) * texel_;
+    // Depth of a box of the mesh's frame.
+    const glm::dmat3& linear = light_[caster].lightFromMesh;
+    const glm::dvec3 deep(linear[0].z, linear[1].z, linear[2].z);
     scratch.met.clear();
     size_t corners = 0;
     for (uint32_t k = 0; k < rects.size(); ++k) {
         const glm::dvec2 min = origin + glm::dvec2(rects[k].min), max = origin + glm::dvec2(rects[k].max);
-        if (scratch.coverage.range(min / texel_, max / texel_, 1).empty()) continue;
+        const Coverage::Range range = scratch.coverage.range(min / texel_, max / texel_, 1);
+        if (range.empty()) continue;
+        const world::Cluster& cluster = level.clusters[k];
+        const glm::dvec3 centre = 0.5 * (glm::dvec3(cluster.min) + glm::dvec3(cluster.max));
+        const double nearest = light_[caster].origin.z + glm::dot(deep, centre) -
+                               glm::dot(glm::abs(deep), glm::dvec3(cluster.max) - centre);
+        if (!scratch.fronts.before(nearest, range.first, range.last)) continue;
         scratch.met.push_back(k);
         corners += level.clusters[k].indexCount;
     }
@@ -203,6 +238,11 @@ void Search::answer(Tile& tile, Scratch& scratch) const {
         high = glm::max(high, glm::min(asked_[part.asked].high, tile.low() + int64_t(kTile)));
     }
     coverage.reset(glm::ivec2(high - low));
+    scratch.fronts.reset(glm::ivec2(high - low));
+    for (const Part& part : tile.parts) {
+        const Footprint& f = asked_[part.asked];
+        scratch.fronts.add(glm::max(f.low, low) - low, glm::min(f.high, high) - low - int64_t(1), f.front);
+    }
     for (world::CasterId caster : tile.provers) cover(caster, low, scratch);
     coverage.join();
     const double room = 2 * config_.depthRange * kDepthShare;  // of the cluster's depth and of the occluder's
