@@ -7,6 +7,7 @@
 // may be spread over as many frames as one likes.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <span>
@@ -29,6 +30,28 @@ struct CertifyCosts {
         certificates += o.certificates;
         return *this;
     }
+};
+
+/// How many rays a frame may spend on certificates: as many as pay, by what the frames before found. Counted, not
+/// timed: the same world gives the same allowance.
+class RayAllowance {
+public:
+    /// A full frame's: 3 ms of a thread, seldom more than 10. Fewer spread the search over more frames and make it
+    /// dearer, since what hides neighbours is looked at again.
+    static constexpr uint64_t kMost = 1 << 14;
+    static constexpr uint64_t kLeast = 1 << 12;  ///< where nothing pays: the camera may come to where it does
+    static constexpr uint64_t kLent = 128 * kMost;
+    /// What a certificate is worth: 0.7 ms of a thread, its cluster drawn some ten times.
+    static constexpr uint64_t kPerCertificate = 1 << 11;
+
+    uint64_t rays() const { return std::clamp(credit_, kLeast, kMost); }
+    void spent(const CertifyCosts& costs) {
+        const uint64_t credit = credit_ + costs.certificates * kPerCertificate;
+        credit_ = std::min(kLent, credit - std::min(credit, costs.rays));
+    }
+
+private:
+    uint64_t credit_ = kLent;
 };
 
 struct OcclusionConfig {

@@ -429,7 +429,9 @@ void ResidentScene::occlude(SunSide& side, std::span<const Eye> eyes, SceneChang
         before = at;
         side.occlusion->await(int(c), near);
     }
-    changes.certify += side.occlusion->search(statics_, kRaysPerFrame);
+    const culling::CertifyCosts costs = side.occlusion->search(statics_, allowance_.rays());
+    allowance_.spent(costs);
+    changes.certify += costs;
 }
 
 world::Result<SceneChanges> ResidentScene::advance(double time, std::span<const Eye> eyes,

@@ -25,11 +25,6 @@
 
 namespace server {
 
-/// Rays after which a frame looks for no more certificates, but in the cluster that it is at: 5 ms of a thread, seldom
-/// more than 15. Fewer spread the search over more frames and make it dearer, since what hides neighbours is looked at
-/// again: half as many rays a frame cost a third more in all, twice as many a fifth less.
-constexpr uint64_t kRaysPerFrame = 1 << 15;
-
 /// An object that a client owns; given out by `adopt` and `spawn`, from 0, never twice.
 using ObjectId = uint64_t;
 
@@ -218,6 +213,7 @@ private:
     std::vector<std::unique_ptr<SunSide>> sides_;  ///< one or two
     world::Octree statics_;
     bool occlusionStarted_ = false;
+    culling::RayAllowance allowance_;
     cache::CasterSets sets_;
     std::vector<const world::MeshLevel*> uploaded_;  ///< by GeometryId; null: released
     std::map<uint32_t, world::MeshSlot> meshSlots_;  ///< by mesh id

@@ -89,7 +89,7 @@ void judge(const StressCase& c, const StressNeed& need, StressResult& r) {
     if (r.summary.mostGeometry > r.geometryBudget) fail("the geometry budget was exceeded");
     if (c.mostShare > 0 && double(r.summary.mostResident) > c.mostShare * double(need.memory))
         fail(count(r.summary.mostResident) + " bytes in memory, where one camera needs " + count(need.memory));
-    if (r.mostRays >= server::kRaysPerFrame + c.config.raysPerCluster)
+    if (r.mostRays >= culling::RayAllowance::kMost + c.config.raysPerCluster)
         fail(count(r.mostRays) + " rays for certificates in a frame");
     if (r.summary.differingTexels > 0) fail(count(r.summary.differingTexels) + " texels differ from the redraw");
     if (r.summary.errors > 0 && !c.losesChunks) fail(count(r.summary.errors) + " errors");

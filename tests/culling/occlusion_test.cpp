@@ -240,4 +240,24 @@ TEST(Occlusion, ABudgetTooSmallForAFootprintDrawsIt) {
     }
 }
 
+TEST(RayAllowance, FollowsWhatCertificatesPay) {
+    using culling::RayAllowance;
+    RayAllowance barren;
+    uint64_t frames = 0;
+    for (; barren.rays() == RayAllowance::kMost; ++frames) barren.spent({.rays = barren.rays()});
+    EXPECT_EQ(frames, RayAllowance::kLent / RayAllowance::kMost) << "what was lent is spent at once";
+    for (int frame = 0; frame < 10000; ++frame) barren.spent({.rays = RayAllowance::kLeast});
+    EXPECT_EQ(barren.rays(), RayAllowance::kLeast);
+
+    const uint64_t worth = RayAllowance::kMost / RayAllowance::kPerCertificate;
+    barren.spent({.rays = RayAllowance::kLeast, .certificates = worth + 2});
+    EXPECT_EQ(barren.rays(), RayAllowance::kMost) << "a barren stretch leaves no debt";
+
+    RayAllowance rich;
+    for (int frame = 0; frame < 10000; ++frame) rich.spent({.rays = rich.rays(), .certificates = worth});
+    EXPECT_EQ(rich.rays(), RayAllowance::kMost);
+    for (frames = 0; rich.rays() == RayAllowance::kMost; ++frames) rich.spent({.rays = rich.rays()});
+    EXPECT_LE(frames, RayAllowance::kLent / RayAllowance::kMost) << "what was earned does not pile up";
+}
+
 }  // namespace
