@@ -233,7 +233,8 @@ StreamEvents Streamer::advance(double now) {
         for (auto at = ready_.begin(); at != ready_.end();) {
             const ChunkState& chunk = chunks_[at->request.record];
             const uint64_t held = memoryOf(at->request.record, chunk.first);
-            const uint64_t more = std::max(memoryOf(at->request.record, chunk.reading), held) - held;
+            uint64_t more = std::max(memoryOf(at->request.record, chunk.reading), held) - held;
+            if (chunk.first == kAbsent) more += kPlacingBytes * store_.chunks()[at->request.record].instances;
             if (!waits && handed > 0 && handed + more > config_.handOutBytes) break;
             if (!handOver(*at, now, events)) {
                 ++at;

@@ -39,11 +39,15 @@ constexpr uint64_t geometryBytes(const LevelRecord& l) {
     return (uint64_t{l.vertices} + l.triangles) * sizeof(glm::vec3);
 }
 
+/// What placing an instance costs whoever takes it up, in bytes of terrain: chunks that come coarsely have few of those
+/// and all of their instances.
+constexpr uint64_t kPlacingBytes = 2048;
+
 struct StreamerConfig {
     uint64_t memoryBytes = 4ull << 30;      ///< decoded chunks and meshes, with those being read
     uint64_t geometryBytes = 512ull << 20;  ///< what their levels take on the GPU
-    uint64_t handOutBytes = 1ull << 20;     ///< decoded, of the chunks of one step; one may exceed it. Lock-step hands
-                                            ///< out all
+    uint64_t handOutBytes = 1ull << 20;     ///< decoded, of the chunks of one step, with kPlacingBytes for each instance
+                                            ///< that comes; one chunk may exceed it. Lock-step hands out all
     Clock clock = Clock::kLockStep;
     DiskModel disk{};
 };

@@ -122,6 +122,35 @@ TEST_F(StreamerTest, HandsOutNoMoreThanAFrameMayUpload) {
     EXPECT_EQ(streamer.residentChunks(), store_->chunks().size());
 }
 
+TEST_F(StreamerTest, CountsWhatPlacingInstancesCosts) {
+    bakeAndOpen({.seed = 63, .chunksAside = 10, .meshes = 30});
+    StreamerConfig config;
+    config.clock = Clock::kVirtual;
+    for (const uint64_t instances : {20, 40}) {
+        config.handOutBytes = instances * kPlacingBytes;
+        Streamer streamer(*store_, config);
+        streamer.want(all, 0);
+        size_t severalAtOnce = 0;
+        std::set<ChunkKey> known;
+        for (int s = 0; s < 600 && !(s > 0 && streamer.settled()); ++s) {
+            uint64_t placed = 0;
+            const StreamEvents events = streamer.advance(s / 30.0);
+            size_t fresh = 0;  // the others are refined
+            for (const auto& chunk : events.arrivals) {
+                if (!known.insert(chunk->key).second) continue;
+                placed += chunk->instances.size();
+                ++fresh;
+            }
+            if (fresh > 1) {
+                EXPECT_LE(placed, instances);
+                ++severalAtOnce;
+            }
+        }
+        EXPECT_GT(severalAtOnce, 0u);
+        EXPECT_EQ(streamer.residentChunks(), store_->chunks().size());
+    }
+}
+
 TEST_F(StreamerTest, TheLiveClockNeitherWaitsNorLoses) {
     bakeAndOpen({.seed = 64, .chunksAside = 10, .meshes = 30});
     StreamerConfig config;
