@@ -21,7 +21,7 @@ constexpr double kLargestObject = 20;  // [m]
 
 constexpr size_t kMostLights = 3;
 /// So many chunks around the middle are edited: what edits hold in memory is bounded.
-constexpr size_t kEditedChunks = 16;
+constexpr size_t kEditedChunks = 4;
 
 uint64_t residentBytes() {
     std::ifstream file("/proc/self/statm");
@@ -269,7 +269,7 @@ world::Result<SoakReport> soak(server::ShadowSystem& system, const world::WorldS
     Life life(system, store, config);
     SoakReport report;
     glm::dvec3 shown{0};
-    std::vector<double> memory[2];  // of each half
+    std::vector<double> memory[2], content[2];  // of each half
     const auto atFrame = [&](const world::Error& error) {
         return world::Error{error.code, "frame " + std::to_string(report.frames) + ": " + error.what, error.native};
     };
@@ -288,7 +288,9 @@ world::Result<SoakReport> soak(server::ShadowSystem& system, const world::WorldS
             report.stale += verified.value().stale;
             report.differing += verified.value().differing;
             const uint64_t bytes = residentBytes();
-            memory[report.frames <= config.frames / 2 ? 0 : 1].push_back(double(bytes));
+            const int half = report.frames <= config.frames / 2 ? 0 : 1;
+            memory[half].push_back(double(bytes));
+            content[half].push_back(double(frame.value().residentBytes + frame.value().geometryBytes));
             report.mostBytes = std::max(report.mostBytes, bytes);
             if (report.differing > 0) {
                 report.first = std::move(verified.value().first);
@@ -299,6 +301,8 @@ world::Result<SoakReport> soak(server::ShadowSystem& system, const world::WorldS
     }
     report.firstHalfBytes = uint64_t(median(memory[0]));
     report.lastHalfBytes = uint64_t(median(memory[1]));
+    report.firstHalfContent = uint64_t(median(content[0]));
+    report.lastHalfContent = uint64_t(median(content[1]));
     return report;
 }
 

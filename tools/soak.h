@@ -32,6 +32,8 @@ struct SoakReport {
     /// Resident memory on the frames that were compared: the median of each half, and the most of all. A life changes the
     /// size of its maps, so its most says little of whether it grows.
     uint64_t firstHalfBytes = 0, lastHalfBytes = 0, mostBytes = 0;
+    /// What of it the world asks for, likewise: chunks, edited terrain and geometry. Edits make surface, so this may grow.
+    uint64_t firstHalfContent = 0, lastHalfContent = 0;
     std::vector<server::Difference> first;           ///< of the first comparison that differed
 };
 

@@ -35,6 +35,8 @@ void print(const SoakReport& r) {
                 double(r.firstHalfBytes) / 1048576, double(r.lastHalfBytes) / 1048576,
                 r.firstHalfBytes > 0 ? 100 * (double(r.lastHalfBytes) / double(r.firstHalfBytes) - 1) : 0.0,
                 double(r.mostBytes) / 1048576);
+    std::printf("content    %.1f MiB of it in the first half, %.1f MiB in the last (medians): chunks, edited terrain, geometry\n",
+                double(r.firstHalfContent) / 1048576, double(r.lastHalfContent) / 1048576);
     std::printf("plans      %016llx\n", n(r.planHash));
 }
 
