@@ -1,13 +1,23 @@
 #include "gpu/depth_pass.h"
 
 #include <algorithm>
+#include <cstddef>
 
 #include "gpu/shaders/depth.vert.h"
 #include "gpu/shaders/spot.vert.h"
+#include "gpu/shaders/view.vert.h"
 
 namespace gpu {
 
 using world::Result;
+
+namespace {
+
+/// What of a view the shader reads.
+constexpr uint32_t kPushBytes = offsetof(DepthPass::View, slopeBias);
+static_assert(kPushBytes == sizeof(glm::mat4) + 2 * sizeof(glm::vec4));
+
+}  // namespace
 
 Result<DepthPass> DepthPass::create(Device::Impl& device, DepthFormat format, Projection projection) {
     constexpr uint32_t kRow = sizeof(glm::vec4);
@@ -25,9 +35,18 @@ Result<DepthPass> DepthPass::create(Device::Impl& device, DepthFormat format, Pr
     vertices.vertexAttributeDescriptionCount = 4;
     vertices.pVertexAttributeDescriptions = attributes;
     DepthPass pass(device);
-    auto pipeline = projection == Projection::kParallel
-                        ? createDepthPipeline(device, kDepthVert, vertices, format, OutOfDepth::kClamped, "depth pass")
-                        : createDepthPipeline(device, kSpotVert, vertices, format, OutOfDepth::kCut, "spot depth pass");
+    DepthPipelineInfo info{.vertexShader = kDepthVert, .vertices = vertices, .format = format, .name = "depth pass"};
+    if (projection == Projection::kPerspective) {
+        info.vertexShader = kSpotVert;
+        info.outside = OutOfDepth::kCut;
+        info.name = "spot depth pass";
+    } else if (projection == Projection::kView) {
+        info.vertexShader = kViewVert;
+        info.pushBytes = kPushBytes;
+        info.slopeBias = true;
+        info.name = "view depth pass";
+    }
+    auto pipeline = createDepthPipeline(device, info);
     if (!pipeline) return pipeline.error();
     pass.pipeline_ = std::move(pipeline.value());
     return pass;
@@ -48,6 +67,10 @@ void DepthPass::record(VkCommandBuffer commands, const Image& map, uint32_t side
         if (empty(pass.scissor) || pass.run.count == 0) continue;
         const VkRect2D scissor = toVulkan(pass.scissor);
         vkCmdSetScissor(commands, 0, 1, &scissor);
+        if (pass.view) {
+            vkCmdPushConstants(commands, pipeline_.layout.raw(), VK_SHADER_STAGE_VERTEX_BIT, 0, kPushBytes, pass.view);
+            vkCmdSetDepthBias(commands, 0, 0, pass.view->slopeBias);
+        }
         for (uint32_t done = 0; done < pass.run.count;) {
             const uint32_t count = std::min(pass.run.count - done, device_->maxIndirectDraws);
             vkCmdDrawIndexedIndirect(commands, buffers.commands.raw(),

@@ -1,7 +1,9 @@
 // gpu/depth_pass.h — draws meshes into a depth map: clears and indirect draws, a scissor per pass.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <glm/glm.hpp>
 #include <span>
 #include <vector>
 
@@ -16,15 +18,23 @@ namespace gpu {
 enum class Projection {
     kParallel,     ///< clip space; depths out of range are clamped
     kPerspective,  ///< a spot light's frame, as cache/spot_cache.h has it; what is nearer than near is cut off
+    kView,         ///< the frame of each draw's own view; depths out of range are clamped
 };
 
 /// One pipeline, created once for maps of every size; see gpu/depth_pipeline.h for its state.
 class DepthPass {
 public:
-    /// Draws that share a scissor.
+    /// See ViewPass.
+    struct View {
+        glm::mat4 clipFromView{1};
+        std::array<glm::vec4, 2> wedge{};  ///< dot(xyz, clip.xyw) + w >= 0
+        float slopeBias = 0;
+    };
+    /// Draws that share a scissor, and a view: given where the projection is kView.
     struct Draws {
         cache::StoreRect scissor;
         DrawRun run;
+        const View* view = nullptr;
     };
     /// What happens to one map, in this order. Empty rectangles and runs do nothing.
     struct Work {

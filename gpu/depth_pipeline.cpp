@@ -13,19 +13,20 @@ VkRect2D toVulkan(const cache::StoreRect& rect) {
 
 bool empty(const cache::StoreRect& rect) { return rect.max.x <= rect.min.x || rect.max.y <= rect.min.y; }
 
-Result<DepthPipeline> createDepthPipeline(Device::Impl& device, std::span<const uint32_t> vertexShader,
-                                          const VkPipelineVertexInputStateCreateInfo& vertices, DepthFormat format,
-                                          OutOfDepth outside, const std::string& name) {
+Result<DepthPipeline> createDepthPipeline(Device::Impl& device, const DepthPipelineInfo& wanted) {
     VkPipelineLayoutCreateInfo layoutInfo{};
     layoutInfo.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
-    auto layout = PipelineLayoutHandle::create(device.owner, layoutInfo, name + " layout");
+    const VkPushConstantRange constants{VK_SHADER_STAGE_VERTEX_BIT, 0, wanted.pushBytes};
+    layoutInfo.pushConstantRangeCount = wanted.pushBytes > 0 ? 1 : 0;
+    layoutInfo.pPushConstantRanges = &constants;
+    auto layout = PipelineLayoutHandle::create(device.owner, layoutInfo, wanted.name + " layout");
     if (!layout) return layout.error();
 
     VkShaderModuleCreateInfo module{};
     module.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-    module.codeSize = vertexShader.size_bytes();
-    module.pCode = vertexShader.data();
-    const auto shader = ShaderHandle::create(device.owner, module, name + " vertex shader");
+    module.codeSize = wanted.vertexShader.size_bytes();
+    module.pCode = wanted.vertexShader.data();
+    const auto shader = ShaderHandle::create(device.owner, module, wanted.name + " vertex shader");
     if (!shader) return shader.error();
     VkPipelineShaderStageCreateInfo stage{};
     stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
@@ -43,11 +44,12 @@ Result<DepthPipeline> createDepthPipeline(Device::Impl& device, std::span<const 
     viewport.scissorCount = 1;
     VkPipelineRasterizationStateCreateInfo raster{};
     raster.sType = VK_STRUCTURE_TYPE_PIPELINE_RASTERIZATION_STATE_CREATE_INFO;
-    raster.depthClampEnable = outside == OutOfDepth::kClamped ? VK_TRUE : VK_FALSE;
+    raster.depthClampEnable = wanted.outside == OutOfDepth::kClamped ? VK_TRUE : VK_FALSE;
     raster.polygonMode = VK_POLYGON_MODE_FILL;
     raster.cullMode = VK_CULL_MODE_NONE;
     raster.frontFace = VK_FRONT_FACE_COUNTER_CLOCKWISE;
     raster.lineWidth = 1;
+    raster.depthBiasEnable = wanted.slopeBias ? VK_TRUE : VK_FALSE;
     VkPipelineMultisampleStateCreateInfo samples{};
     samples.sType = VK_STRUCTURE_TYPE_PIPELINE_MULTISAMPLE_STATE_CREATE_INFO;
     samples.rasterizationSamples = VK_SAMPLE_COUNT_1_BIT;
@@ -56,21 +58,21 @@ Result<DepthPipeline> createDepthPipeline(Device::Impl& device, std::span<const 
     depth.depthTestEnable = VK_TRUE;
     depth.depthWriteEnable = VK_TRUE;
     depth.depthCompareOp = VK_COMPARE_OP_LESS;
-    const VkDynamicState states[] = {VK_DYNAMIC_STATE_VIEWPORT, VK_DYNAMIC_STATE_SCISSOR};
+    const VkDynamicState states[] = {VK_DYNAMIC_STATE_VIEWPORT, VK_DYNAMIC_STATE_SCISSOR, VK_DYNAMIC_STATE_DEPTH_BIAS};
     VkPipelineDynamicStateCreateInfo dynamic{};
     dynamic.sType = VK_STRUCTURE_TYPE_PIPELINE_DYNAMIC_STATE_CREATE_INFO;
-    dynamic.dynamicStateCount = 2;
+    dynamic.dynamicStateCount = wanted.slopeBias ? 3 : 2;
     dynamic.pDynamicStates = states;
     VkPipelineRenderingCreateInfo rendering{};
     rendering.sType = VK_STRUCTURE_TYPE_PIPELINE_RENDERING_CREATE_INFO;
-    rendering.depthAttachmentFormat = toVulkan(format);
+    rendering.depthAttachmentFormat = toVulkan(wanted.format);
 
     VkGraphicsPipelineCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO;
     info.pNext = &rendering;
     info.stageCount = 1;
     info.pStages = &stage;
-    info.pVertexInputState = &vertices;
+    info.pVertexInputState = &wanted.vertices;
     info.pInputAssemblyState = &assembly;
     info.pViewportState = &viewport;
     info.pRasterizationState = &raster;
@@ -78,7 +80,7 @@ Result<DepthPipeline> createDepthPipeline(Device::Impl& device, std::span<const 
     info.pDepthStencilState = &depth;
     info.pDynamicState = &dynamic;
     info.layout = layout.value().raw();
-    auto handle = PipelineHandle::create(device.owner, info, name);
+    auto handle = PipelineHandle::create(device.owner, info, wanted.name);
     if (!handle) return handle.error();
     return DepthPipeline{std::move(layout.value()), std::move(handle.value())};
 }

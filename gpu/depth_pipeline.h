@@ -23,9 +23,16 @@ struct DepthPipeline {
     PipelineLayoutHandle layout;
     PipelineHandle handle;
 };
-world::Result<DepthPipeline> createDepthPipeline(Device::Impl& device, std::span<const uint32_t> vertexShader,
-                                                 const VkPipelineVertexInputStateCreateInfo& vertices,
-                                                 DepthFormat format, OutOfDepth outside, const std::string& name);
+struct DepthPipelineInfo {
+    std::span<const uint32_t> vertexShader;
+    const VkPipelineVertexInputStateCreateInfo& vertices;
+    DepthFormat format = DepthFormat::kD32;
+    OutOfDepth outside = OutOfDepth::kClamped;
+    uint32_t pushBytes = 0;  ///< of constants for the vertex shader
+    bool slopeBias = false;  ///< set by vkCmdSetDepthBias
+    std::string name{};
+};
+world::Result<DepthPipeline> createDepthPipeline(Device::Impl& device, const DepthPipelineInfo& info);
 /// Binds it for a map of `side` texels a side.
 void bindDepth(VkCommandBuffer commands, const DepthPipeline& pipeline, uint32_t side);
 

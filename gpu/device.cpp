@@ -146,6 +146,7 @@ std::string lackOf(VkPhysicalDevice physical) {
     if (!has.features.multiDrawIndirect) return "multiDrawIndirect";
     if (!has.features.drawIndirectFirstInstance) return "drawIndirectFirstInstance";
     if (!has.features.depthClamp) return "depthClamp";
+    if (!has.features.shaderClipDistance) return "shaderClipDistance";
     if (!has.features.fullDrawIndexUint32) return "fullDrawIndexUint32";
 
     for (const auto& [format, lack] :
@@ -266,6 +267,7 @@ Result<Done> makeDevice(Device::Impl& impl) {
     features.features.multiDrawIndirect = VK_TRUE;
     features.features.drawIndirectFirstInstance = VK_TRUE;
     features.features.depthClamp = VK_TRUE;
+    features.features.shaderClipDistance = VK_TRUE;
     features.features.fullDrawIndexUint32 = VK_TRUE;
 
     VkDeviceCreateInfo info{};

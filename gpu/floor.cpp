@@ -101,7 +101,8 @@ Result<std::unique_ptr<Floor>> Floor::create(Device& device, const ShadowMapsCon
     vertices.pVertexBindingDescriptions = &kPositionBinding;
     vertices.vertexAttributeDescriptionCount = 1;
     vertices.pVertexAttributeDescriptions = &kPosition;
-    auto pipeline = createDepthPipeline(d, kFloorVert, vertices, config.format, OutOfDepth::kClamped, "floor");
+    auto pipeline = createDepthPipeline(
+        d, {.vertexShader = kFloorVert, .vertices = vertices, .format = config.format, .name = "floor"});
     if (!pipeline) return pipeline.error();
     auto maps = createCascadeMaps(d, config, "floor ");
     if (!maps) return maps.error();
