@@ -47,8 +47,8 @@ struct ShadowBias {
     double constant = 0;  ///< [texels] of the map, added to depths when they are drawn
     double slope = 0;     ///< times the depth's slope over a texel, likewise
     double receiver = 0;  ///< [texels] toward the sun, at the point that asks
-    double gradient = 0;  ///< times the slope of the point's own plane over a texel, at most `gradientMost` texels
-    double gradientMost = 8;
+    double gradient = 0;  ///< likewise: times what the point's own plane falls from corner to corner of a texel
+    double gradientMost = 8;  ///< most that `gradient` moves a point by [texels]
     double normalOffset = 0;  ///< [texels] along the point's normal, times the sine of its angle to the sun
 };
 
