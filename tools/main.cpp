@@ -7,6 +7,7 @@
 #include "tools/bake_command.h"
 #include "tools/edit_command.h"
 #include "tools/info_command.h"
+#include "tools/lab_command.h"
 #include "tools/options.h"
 #include "tools/replay_command.h"
 #include "tools/soak_command.h"
@@ -30,7 +31,8 @@ int main(int argc, char** argv) {
     });
     const tools::Command commands[] = {tools::addBakeCommand(app), tools::addInfoCommand(app),
                                        tools::addReplayCommand(app), tools::addSoakCommand(app),
-                                       tools::addStressCommand(app), tools::addEditCommand(app)};
+                                       tools::addStressCommand(app), tools::addEditCommand(app),
+                                       tools::addLabCommand(app)};
     try {
         app.parse(argc, argv);
     } catch (const CLI::ParseError& error) {

@@ -1,0 +1,231 @@
+#include "tools/lab/engine.h"
+
+#include <algorithm>
+#include <chrono>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "server/shadow_system.h"
+#include "tools/dump.h"
+#include "tools/lab/view_plans.h"
+#include "tools/mover_feed.h"
+#include "tools/replay.h"
+
+namespace tools::lab {
+namespace {
+
+using culling::Keep;
+using culling::ShadowMethod;
+using culling::ShadowView;
+using world::Done;
+using world::Result;
+
+/// Geometry on the GPU, all of a scene's that is ever drawn: no method of the lab is judged by it.
+constexpr uint64_t kGeometryBytes = 2ull << 30;
+
+gpu::DepthFormat formatOf(const ShadowMethod& method) {
+    return method.depthBits == 16 ? gpu::DepthFormat::kD16 : gpu::DepthFormat::kD32;
+}
+
+double msSince(std::chrono::steady_clock::time_point start) {
+    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+}
+
+/// Draws every map whole in every frame; but what is the same whatever the camera does, once.
+class RedrawEngine : public Engine {
+public:
+    RedrawEngine(const Setting& setting, const ShadowMethod& method, const world::Pose& first)
+        : setting_(setting), method_(method), views_(viewsFor(first)),
+          casters_(setting.scene, setting.light, method, views_) {}
+
+    Result<Done> start() {
+        auto made = gpu::ViewMaps::create(setting_.device, {.maps = views_.back().map + 1,
+                                                            .side = method_.side,
+                                                            .format = formatOf(method_),
+                                                            .geometryBytes = kGeometryBytes});
+        if (!made) return made.error();
+        maps_ = std::move(made.value());
+        return Done{};
+    }
+
+    Result<FrameCost> advance(const world::Pose& pose) override {
+        setting_.scene.moveTo(pose.time);
+        casters_.moved(setting_.scene.movers());
+        const auto start = std::chrono::steady_clock::now();
+        views_ = viewsFor(pose);
+        FrameCost frame;
+        gpu::ViewPlan plan;
+        frame.cost = casters_.plan(views_, !staticsDrawn_, [this](const world::MeshLevel& l) { return geometry(l); }, plan);
+        if (failed_) return *failed_;
+        for (gpu::ViewPass& pass : plan.passes) biased(pass);
+        frame.cost.texels = plan.clears.size() * uint64_t(method_.side) * uint64_t(method_.side);
+        const auto drawn = maps_->draw(plan);
+        if (!drawn) return drawn.error();
+        frame.ms = msSince(start);
+        staticsDrawn_ = true;
+        return frame;
+    }
+    bool remembers() const override { return false; }
+    std::span<const ShadowView> views() const override { return views_; }
+    Result<std::vector<std::vector<float>>> images() override {
+        std::vector<std::vector<float>> images;
+        for (int map = 0; map <= views_.back().map; ++map) {
+            auto read = maps_->read(map);
+            if (!read) return read.error();
+            images.push_back(std::move(read.value()));
+        }
+        return images;
+    }
+
+private:
+    std::vector<ShadowView> viewsFor(const world::Pose& pose) const {
+        return culling::viewsOf(method_, setting_.light, viewAt(setting_, pose), kNearDistance, setting_.farDistance,
+                                setting_.scene.bounds());
+    }
+    /// Uploaded when it is first drawn. What fails is told after the plan.
+    cache::GeometryId geometry(const world::MeshLevel& level) {
+        if (const auto known = uploaded_.find(&level); known != uploaded_.end()) return known->second;
+        const auto id = maps_->upload(level);
+        if (!id) {
+            failed_ = id.error();
+            return 0;
+        }
+        return uploaded_[&level] = id.value();
+    }
+    void biased(gpu::ViewPass& pass) const {
+        const ShadowView& view = *std::find_if(views_.begin(), views_.end(), [&](const ShadowView& v) { return v.map == pass.map; });
+        // Depth is in units of the range at w = 1.
+        const auto constant = float(method_.bias.constant * view.texel / view.depthRange);
+        for (int column = 0; column < 4; ++column)
+            pass.clipFromView[column][2] += constant * pass.clipFromView[column][3];
+        pass.slopeBias = float(method_.bias.slope);
+    }
+
+    const Setting& setting_;
+    ShadowMethod method_;
+    std::vector<ShadowView> views_;
+    ViewCasters casters_;
+    std::unique_ptr<gpu::ViewMaps> maps_;
+    std::map<const world::MeshLevel*, cache::GeometryId> uploaded_;
+    std::optional<world::Error> failed_;
+    bool staticsDrawn_ = false;
+};
+
+server::ShadowConfig configOf(const Setting& setting, const ShadowMethod& method) {
+    server::ShadowConfig config;
+    config.cascades = method.splits.count;
+    config.splitRatio = method.splits.ratio;
+    config.side = method.side;
+    config.farDistance = setting.farDistance;
+    config.guardBand = method.guardBand;
+    config.levelError = method.levelError;
+    config.format = formatOf(method);
+    config.sun = setting.light.sun;
+    config.geometryBytes = kGeometryBytes;
+    return config;
+}
+
+/// Gnomon itself.
+class CacheEngine : public Engine {
+public:
+    CacheEngine(const Setting& setting, const ShadowMethod& method) : setting_(setting), method_(method) {}
+
+    Result<Done> start() {
+        auto made = server::ShadowSystem::create(setting_.device, setting_.store, configOf(setting_, method_));
+        if (!made) return made.error();
+        system_ = std::move(made.value());
+        if (setting_.movers.empty()) return Done{};
+        auto feed = MoverFeed::create(*system_, setting_.movers);
+        if (!feed) return feed.error();
+        feed_.emplace(std::move(feed.value()));
+        return Done{};
+    }
+
+    Result<FrameCost> advance(const world::Pose& pose) override {
+        setting_.scene.moveTo(pose.time);
+        const culling::View view = viewAt(setting_, pose);
+        server::FrameInput input;
+        input.time = pose.time;
+        input.camera = {.position = view.eye, .orientation = view.orientation, .verticalFov = view.verticalFov, .aspect = view.aspect};
+        if (feed_) input.objects = feed_->at(pose.time);
+        const auto start = std::chrono::steady_clock::now();
+        auto report = system_->advance(input);
+        if (!report) return report.error();
+        if (const auto done = system_->finish(report.value()); !done) return done.error();
+        FrameCost frame;
+        frame.ms = msSince(start) - report.value().cpu.streamMs;
+        for (const cache::CascadeStatistics& c : report.value().cascades) {
+            frame.cost += c.total;
+            frame.cost += c.active;
+        }
+        if (!report.value().errors.empty()) return report.value().errors.front();
+        return frame;
+    }
+    bool remembers() const override { return true; }
+    std::span<const ShadowView> views() const override { return views_; }
+
+    /// Maps as their views have them: from the low corner of the window on.
+    Result<std::vector<std::vector<float>>> images() override {
+        views_.clear();
+        std::vector<std::vector<float>> images;
+        for (int c = 0; c < system_->cascades(); ++c) {
+            const server::CascadeView cascade = system_->view(c);
+            auto stored = system_->readMap(c, gpu::MapKind::kWorking);
+            if (!stored) return stored.error();
+            std::vector<float> image = unwrap(stored.value(), method_.side, cascade.window);
+            if (!cascade.drawn) std::fill(image.begin(), image.end(), cache::kUnknownDepth);
+            images.push_back(std::move(image));
+            views_.push_back(viewOf(cascade, c));
+        }
+        return images;
+    }
+
+private:
+    ShadowView viewOf(const server::CascadeView& cascade, int map) const {
+        ShadowView view;
+        const double edge = cascade.texel * method_.side;
+        // A cascade's depths are told as they are stored, a view's as they are before that.
+        const double range = cascade.depthRange * (1 - double(cache::kNearestDepth));
+        view.clipFromLight = {{2 / edge, 0, 0, 0}, {0, 2 / edge, 0, 0}, {0, 0, 1 / range, 0}, {-1, -1, 0, 1}};
+        view.low = glm::dvec2(cascade.window) * cascade.texel;
+        view.high = view.low + edge;
+        view.origin = {view.low, cascade.depthNear + cascade.depthRange - range};
+        view.begin = map == 0 ? 0 : system_->view(map - 1).split;
+        view.end = cascade.split;
+        view.texel = cascade.texel;
+        view.depthRange = range;
+        view.map = map;
+        return view;
+    }
+
+    const Setting& setting_;
+    ShadowMethod method_;
+    std::unique_ptr<server::ShadowSystem> system_;
+    std::optional<MoverFeed> feed_;
+    std::vector<ShadowView> views_;
+};
+
+template <class Kind, class... Arguments>
+Result<std::unique_ptr<Engine>> started(Arguments&&... arguments) {
+    auto engine = std::make_unique<Kind>(std::forward<Arguments>(arguments)...);
+    if (const auto done = engine->start(); !done) return done.error();
+    return std::unique_ptr<Engine>(std::move(engine));
+}
+
+}  // namespace
+
+culling::View viewAt(const Setting& setting, const world::Pose& pose) {
+    return {pose.position, pose.orientation, setting.verticalFov, kAspect};
+}
+
+Result<std::unique_ptr<Engine>> makeEngine(const Setting& setting, const ShadowMethod& method, const world::Pose& first) {
+    if (const auto good = culling::requireMethod(method); !good) return good.error();
+    if (method.keep == Keep::kScrolled)
+        return world::Error{world::ErrorCode::kUsage, "method " + method.name + ": the lab cannot scroll maps yet; leave it out"};
+    if (method.keep == Keep::kCached) return started<CacheEngine>(setting, method);
+    return started<RedrawEngine>(setting, method, first);
+}
+
+}  // namespace tools::lab

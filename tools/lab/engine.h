@@ -1,0 +1,57 @@
+// tools/lab/engine.h — a method at work along a path: draws its maps frame by frame and hands them out.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "cache/statistics.h"
+#include "culling/shadow_views.h"
+#include "gpu/device.h"
+#include "tools/lab/scene.h"
+#include "world/path.h"
+#include "world/result.h"
+#include "world/store.h"
+
+namespace tools::lab {
+
+/// What all methods of a run share.
+struct Setting {
+    gpu::Device& device;
+    const world::WorldStore& store;
+    Scene& scene;
+    const std::vector<world::MoverTrack>& movers;
+    culling::LightSpace light;
+    double farDistance = 600;  ///< [m]
+    double verticalFov = 0;    ///< [rad]
+};
+
+/// Nearer than this to the eye [m] nothing is shadowed by methods that slice the view.
+constexpr double kNearDistance = 0.5;
+
+culling::View viewAt(const Setting& setting, const world::Pose& pose);
+
+/// What a frame cost: all that was sent to the rasteriser, statics and movers.
+struct FrameCost {
+    cache::Cost cost;
+    double ms = 0;  ///< wall time, without reading the world; 0 where the frame was not drawn
+};
+
+/// One thread at a time. Errors of the GPU and the store pass through.
+class Engine {
+public:
+    virtual ~Engine() = default;
+    /// Brings the maps to the pose, which is later than the one before. Moves the setting's movers.
+    virtual world::Result<FrameCost> advance(const world::Pose& pose) = 0;
+    /// Whether a frame depends on those before it: then none may be left out.
+    virtual bool remembers() const = 0;
+    /// Of the last frame: views, and their maps, row by row in the views' own order.
+    virtual std::span<const culling::ShadowView> views() const = 0;
+    virtual world::Result<std::vector<std::vector<float>>> images() = 0;
+};
+
+/// kUsage for a method that cannot work, or has no engine yet.
+world::Result<std::unique_ptr<Engine>> makeEngine(const Setting& setting, const culling::ShadowMethod& method,
+                                                  const world::Pose& first);
+
+}  // namespace tools::lab
