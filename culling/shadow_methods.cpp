@@ -1,8 +1,8 @@
 // The methods that have names, and what makes values of one work together.
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
+#include "culling/nearest_name.h"
 #include "culling/shadow_views.h"
 
 namespace culling {
@@ -105,23 +105,6 @@ ShadowMethod with(ShadowMethod method, std::string name, Change change) {
     return method;
 }
 
-/// Characters to insert, drop or replace to turn one into the other.
-/// Source: Wagner & Fischer, "The String-to-String Correction Problem", 1974.
-size_t editDistance(const std::string& from, const std::string& to) {
-    std::vector<size_t> row(to.size() + 1);
-    std::iota(row.begin(), row.end(), size_t{0});
-    for (size_t i = 1; i <= from.size(); ++i) {
-        size_t diagonal = row[0];
-        row[0] = i;
-        for (size_t j = 1; j <= to.size(); ++j) {
-            const size_t replaced = diagonal + (from[i - 1] != to[j - 1]);
-            diagonal = row[j];
-            row[j] = std::min({replaced, row[j] + 1, row[j - 1] + 1});
-        }
-    }
-    return row.back();
-}
-
 }  // namespace
 
 std::vector<ShadowMethod> namedMethods() {
@@ -172,11 +155,12 @@ std::vector<ShadowMethod> namedMethods() {
 }
 
 world::Result<ShadowMethod> methodNamed(const std::string& name) {
-    std::vector<ShadowMethod> methods = namedMethods();
-    const auto nearest = std::ranges::min_element(
-        methods, {}, [&](const ShadowMethod& method) { return editDistance(name, method.name); });
-    if (nearest->name == name) return std::move(*nearest);
-    return usage("method " + name + ": there is none of this name; the nearest is " + nearest->name);
+    std::vector<std::string> names;
+    for (ShadowMethod& method : namedMethods()) {
+        if (method.name == name) return std::move(method);
+        names.push_back(method.name);
+    }
+    return usage("method " + name + ": there is none of this name; the nearest is " + nearestName(name, names));
 }
 
 world::Result<world::Done> requireMethod(const ShadowMethod& m) {
