@@ -32,8 +32,8 @@ enum class Fit : uint8_t {
 enum class DepthFit : uint8_t {
     kScene,    ///< those of the scene's bounds
     kClipped,  ///< those of the scene's bounds, cut off at the map's four edges
-    kMoving,   ///< those of what the map must hold, and before it as much as the scene is deep: a range of one length
-               ///< that moves with the map, by whole units of a 16 bit depth
+    kMoving,   ///< those of what the map must hold, and before it as far as a ray goes through the scene: a range of
+               ///< one length that moves with the map, by whole units of a 16 bit depth
 };
 
 /// Which map answers for a point.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "culling/cascades.h"
 #include "culling/warped_views.h"
@@ -139,13 +140,20 @@ world::Box clippedBounds(const world::Box& scene, const LightSpace& light, glm::
 
 Depths within(const world::Box& bounds) { return {bounds.min.z - kDepthPad, bounds.extent().z + 2 * kDepthPad}; }
 
+/// How far before a point of the scene something may stand that shades it: no ray of light is longer inside [m].
+double longestRay(const LightSpace& light, const world::Box& scene) {
+    double longest = std::numeric_limits<double>::infinity();
+    for (int axis = 0; axis < 3; ++axis)
+        if (light.sun[axis] != 0) longest = std::min(longest, scene.extent()[axis] / std::abs(light.sun[axis]));
+    return longest;
+}
+
 /// Depths of a map whose rays fall between low and high.
 Depths depthsOf(const ShadowMethod& method, const LightSpace& light, const world::Box& scene, glm::dvec2 low,
                 glm::dvec2 high, const Footprint& foot) {
-    const world::Box bounds = light.toLight(scene);
     if (method.depth == DepthFit::kMoving) {
         // One unit more than needed: rounding down gives up to one away.
-        const double before = bounds.extent().z + foot.half.z + kDepthPad, after = foot.half.z + kDepthPad;
+        const double before = longestRay(light, scene) + foot.half.z + kDepthPad, after = foot.half.z + kDepthPad;
         const double length = (before + after) * kDepthUnits / (kDepthUnits - 1), unit = length / kDepthUnits;
         return {std::floor((foot.centre.z - before) / unit) * unit, length};
     }
@@ -153,7 +161,7 @@ Depths depthsOf(const ShadowMethod& method, const LightSpace& light, const world
         const world::Box clipped = clippedBounds(scene, light, low, high);
         if (!clipped.empty()) return within(clipped);
     }
-    return within(bounds);
+    return within(light.toLight(scene));
 }
 
 /// Low corner of a map as wide as `texel` makes it, around `centre`; by whole steps of the lattice that is anchored
