@@ -23,7 +23,7 @@ ShadowMethod engel() {
     return method;
 }
 
-/// Source: Jags, "Real-Time shadows: Cascaded Shadow Maps", 2015; the blend's weight is that of Zhang et al., 2006.
+/// Source: chetanjags, "Real-Time shadows: Cascaded Shadow Maps", 2015; the blend's weight is that of Zhang et al., 2006.
 /// The offset is what 8 taps on a disk of 1.5 texels ask, and half a texel's diagonal.
 ShadowMethod practical() {
     ShadowMethod method{.name = "practical"};
@@ -76,7 +76,7 @@ ShadowMethod facetted(std::string name, int facets) {
     return method;
 }
 
-/// Source: the "CSM Scrolling" talk on "Overstrike", which is silent on bias and filters. Its maps have 512 texels a
+/// Source: Day, "CSM Scrolling", 2012, which is silent on bias and filters. Its maps have 512 texels a
 /// side; here all methods have as many texels.
 ShadowMethod scroll() {
     ShadowMethod method{.name = "scroll"};
