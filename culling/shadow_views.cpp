@@ -234,6 +234,7 @@ std::vector<double> splitsOf(const Splits& splits, double near, double far) {
 std::vector<ShadowView> viewsOf(const ShadowMethod& method, const LightSpace& light, const View& camera, double near,
                                 double far, const world::Box& scene) {
     CHECK(!scene.empty());
+    CHECK(camera.verticalFov > 0 || method.fit == Fit::kEyeBox || method.fit == Fit::kFacets);
     const Pyramid pyramid = pyramidOf(light, camera);
     std::vector<ShadowView> views;
     if (method.fit == Fit::kFacets || method.fit == Fit::kWarped) {
