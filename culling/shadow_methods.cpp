@@ -89,10 +89,13 @@ ShadowMethod scroll() {
     return method;
 }
 
-/// Gnomon's own: the bias is that of its lookups.
+/// Gnomon's own. The bias covers half a texel of the level's error, and the fall of the point's own plane over the
+/// texel that the filter reaches. The blend makes a change of cascades take several frames.
 ShadowMethod gnomon() {
     ShadowMethod method{.name = "gnomon"};
-    method.bias.receiver = 1.5;
+    method.bias = {.receiver = 0.5, .gradient = 1};
+    method.filter = Filter::kBox2;
+    method.blend = 0.1;
     method.keep = Keep::kCached;
     method.guardBand = 4;
     return method;
