@@ -90,12 +90,13 @@ ShadowMethod scroll() {
 }
 
 /// Gnomon's own. The bias covers half a texel of the level's error, and the fall of the point's own plane over the
-/// texel that the filter reaches. The blend makes a change of cascades take several frames.
+/// texel that the filter reaches. A point flips where cascades change only if the eye goes half of what is blended in one
+/// frame: a fifth of the finest cascade's reach.
 ShadowMethod gnomon() {
     ShadowMethod method{.name = "gnomon"};
     method.bias = {.receiver = 0.5, .gradient = 1};
     method.filter = Filter::kBox2;
-    method.blend = 0.1;
+    method.blend = 0.4;
     method.keep = Keep::kCached;
     method.guardBand = 4;
     return method;
