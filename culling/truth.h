@@ -49,8 +49,8 @@ struct TruthFrame {
     std::vector<world::CasterId> casters;  ///< kNoCaster for sky
     /// The first step at which one of 8 points around a sunward one answers otherwise. Seen along the sun they lie
     /// on the circle of `edgeRadius`, and they lie in the point's tangent plane: where the ground is curved that is
-    /// above or below it. An edge is so at most 2.17 times nearer than said, 2 / cos(22.5 degrees), and no farther;
-    /// shadows and gaps that are narrower than the circle's chord of 45 degrees may be missed.
+    /// above or below it. An edge is no farther than said, and at most 2.17 times nearer, 2 / cos(22.5 degrees), or any
+    /// nearer at step 0; shadows and gaps narrower than the circle's chord of 45 degrees may be missed.
     std::vector<uint8_t> edges;
     friend bool operator==(const TruthFrame&, const TruthFrame&) = default;
 };

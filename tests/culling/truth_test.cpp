@@ -261,6 +261,42 @@ TEST(Truth, SaysHowFarAShadowEdgeIs) {
     }
 }
 
+TEST(Truth, AgreesWithAMapOf16384TexelsAwayFromEdges) {
+    const Formula formula{{{{-0.25, 0, -0.25}, {0.25, 8, 0.25}}, {{2, 0, -5}, {5, 3, -2}}}, {{{-4, 3, -1}, 2}}};
+    constexpr double kTexel = 40.0 / 16384;  // [m]
+    const culling::LightSpace light = culling::makeLightSpace({-0.5, -1, 0.3}).value();
+    // A map knows one depth a texel, that of the centre; here it comes from the formula.
+    const auto depthAt = [&](const glm::dvec3& pLight) {
+        const glm::dvec2 centre = (glm::floor(glm::dvec2(pLight) / kTexel) + 0.5) * kTexel;
+        return formula.nearest(light.toWorld({centre, -100}), light.sun).away - 100;
+    };
+    for (const glm::dvec3& place : kPlaces) {
+        Traced traced(formula, place);
+        const glm::dvec3 eye(7, 7, 13);
+        const auto frame = traced.truth->trace(looking(eye, {0, 1, 0}, place), 480, 320, 60, light.sun);
+        ASSERT_TRUE(frame);
+        int differing = 0, near = 0, shadowed = 0, lit = 0;
+        for (size_t i = 0; i < frame.value().states.size(); ++i) {
+            const Sunlight state = frame.value().states[i];
+            if (!culling::sunward(state)) continue;
+            const glm::dvec3 p = light.toLight(eye + glm::dvec3(frame.value().points[i]));
+            const double facing = -glm::dot(glm::dvec3(frame.value().normals[i]), light.sun);
+            // Depth changes by so much from a texel's corner to its centre; a ball is 2e-5 * 2 m off its formula.
+            const double bias = kTexel * std::sqrt((1 - facing * facing) / 2) / facing + 1e-3;
+            const bool dark = depthAt(p) < p.z - bias;
+            const bool differs = dark != (state == Sunlight::kShadowed);
+            // No edge within 2^-7 m, 3.2 texels; said for straight ones, and corners are straight to a texel.
+            const bool away = frame.value().edges[i] > 0;
+            (away ? differing : near) += differs;
+            if (away) ++(dark ? shadowed : lit);
+        }
+        EXPECT_EQ(differing, 0) << place.x;
+        EXPECT_GT(near, 0) << "all that a map can be wrong about lies away from edges";
+        EXPECT_GT(shadowed, 1500);
+        EXPECT_GT(lit, 20000);
+    }
+}
+
 TEST(Truth, NoConvexCasterShadesItselfHoweverFar) {
     const Formula formula{{{{-30, 0, -20}, {-10, 40, 0}}}, {{{15, 20, 0}, 15}}};
     for (const glm::dvec3& place : kPlaces)
