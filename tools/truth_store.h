@@ -23,7 +23,9 @@ struct MovedCaster {
 
 /// All that a frame's truth follows from.
 struct TruthQuestion {
-    uint64_t world = 0;  ///< WorldStore::contentHash; casters are numbered alike for equal worlds
+    /// WorldStore::contentHash; the seed of another hash where casters were taken out or added. Equal worlds have their
+    /// casters numbered alike.
+    uint64_t world = 0;
     culling::View view;
     int width = 0, height = 0;  ///< [pixels]
     double farDistance = 0;     ///< [m]
