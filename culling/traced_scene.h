@@ -45,8 +45,8 @@ struct RayStart {
 
     /// Off the surface at `p`, a point of the tangent plane: by 2^-20 of how far p is from the anchor and the caster's
     /// corners from its origin. That is 16 units of single precision, for a dozen roundings: of the start, of the
-    /// instance's place, on the way into the mesh's frame, and against the edges there. The scenes of the tests need more
-    /// than 1/32 of it, and less than 1/8.
+    /// instance's place, on the way into the mesh's frame, and against the edges there. The tests' scenes do with 1/8
+    /// of it, and not with 1/32.
     glm::dvec3 above(const glm::dvec3& p) const { return p + normal * (0x1p-20 * (glm::length(p) + reach)); }
 };
 

@@ -72,8 +72,10 @@ inline SurfacePoint surfaceAt(const TruthFrame& frame, size_t pixel) {
 /// Embree computes in single precision, around an anchor on a lattice of 64 m: near the eye its coordinates are off by
 /// 4e-6 m, at a distance d by d / 2^24, 0.12 mm at 2 km, wherever in the world that is. What it hits is then placed in
 /// double precision. Rays leave a surface from off it (`RayStart`: by 2 mm at 2 km, by 0.1 mm near by on a caster of
-/// 100 m), which moves a shadow's edge, seen along the sun, by no more than that. An eye that enters another cell of the
-/// lattice has all casters placed anew, and so has a caster that moves the tree over all of them built anew.
+/// 100 m), which moves a shadow's edge, seen along the sun, by no more than that.
+///
+/// Whatever comes, moves or leaves has the tree over all casters built anew by the next call, and so has an eye that
+/// enters another cell of the lattice: 2 ms for each thousand casters.
 class Truth {
 public:
     /// kDevice if Embree refuses.
