@@ -1,6 +1,7 @@
 #include "tools/lab_command.h"
 
 #include <cstdio>
+#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <optional>
@@ -111,9 +112,12 @@ Result<int> runLab(const LabOptions& options) {
         progress.emplace(name, std::cerr, stderrIsTerminal());
         return [&progress](size_t done, size_t total) { progress->at(done, total); };
     };
+    auto kept = TruthStore::open(std::filesystem::path(options.world).stem().string() + ".truth");
+    if (!kept) return kept.error();
     const auto truth = lab::traceTruth(setting, poses.value(), lab::judgedFrames(poses.value().size(), options.run.every),
-                                       options.run, follow("truth"));
+                                       options.run, kept.value(), follow("truth"));
     progress.reset();
+    for (const std::string& line : kept.value().damage()) std::cerr << line << '\n';
     if (!truth) return truth.error();
     printHead();
     for (const culling::ShadowMethod& method : methods.value()) {

@@ -34,15 +34,34 @@ Result<std::unique_ptr<culling::Truth>> tracedScene(const Scene& scene) {
     return truth;
 }
 
-/// Puts the scene's movers, and the rays', where they are in a pose. Those that it moved, ascending.
-Result<std::vector<CasterId>> moveTo(Scene& scene, culling::Truth& truth, double time) {
-    const auto span = scene.moveTo(time);
-    std::vector<CasterId> moved(span.begin(), span.end());
-    for (const CasterId id : moved)
-        if (const auto placed = truth.place(id, scene.casters()[id].placement); !placed) return placed.error();
-    std::sort(moved.begin(), moved.end());
-    return moved;
-}
+/// Rays against the scene with its movers where they are at a time. The scene is built for rays when the first is shot.
+class Tracer {
+public:
+    explicit Tracer(Scene& scene) : scene_(scene) {}
+
+    /// Those of the scene's casters that it moved, ascending.
+    std::vector<CasterId> moveTo(double time) {
+        const auto span = scene_.moveTo(time);
+        std::vector<CasterId> moved(span.begin(), span.end());
+        std::sort(moved.begin(), moved.end());
+        return moved;
+    }
+    Result<culling::Truth*> truth() {
+        if (!truth_) {
+            auto made = tracedScene(scene_);
+            if (!made) return made.error();
+            truth_ = std::move(made.value());
+        } else {
+            for (const CasterId id : scene_.movers())
+                if (const auto placed = truth_->place(id, scene_.casters()[id].placement); !placed) return placed.error();
+        }
+        return truth_.get();
+    }
+
+private:
+    Scene& scene_;
+    std::unique_ptr<culling::Truth> truth_;
+};
 
 /// What a method draws, and its answers, in the frames that are judged.
 class Judge {
@@ -89,36 +108,48 @@ std::vector<size_t> judgedFrames(size_t poses, uint64_t every) {
 }
 
 Result<std::vector<TruthPair>> traceTruth(const Setting& setting, std::span<const world::Pose> poses,
-                                          std::span<const size_t> frames, const RunConfig& config,
+                                          std::span<const size_t> frames, const RunConfig& config, TruthStore& store,
                                           const std::function<void(size_t, size_t)>& onFrame) {
     std::vector<TruthPair> pairs;
-    auto truth = tracedScene(setting.scene);
-    if (!truth) return truth.error();
+    Tracer tracer(setting.scene);
+    const auto hash = setting.scene.hash();
     uint64_t pixels = 0;
     for (const size_t frame : frames) {
         TruthPair pair;
         pair.frame = frame;
-        const auto trace = [&](size_t at, culling::TruthFrame& into) -> Result<Done> {
-            auto traced = truth.value()->trace(viewAt(setting, poses[at]), config.width, config.height, setting.farDistance,
-                                               setting.light.sun);
+        uint64_t keys[2] = {};
+        std::vector<CasterId> moved;
+        for (const size_t i : {0, 1}) {
+            const world::Pose& pose = poses[frame + i];
+            moved = tracer.moveTo(pose.time);
+            TruthQuestion question{hash, viewAt(setting, pose), config.width, config.height, setting.farDistance, setting.light.sun, {}};
+            for (const CasterId id : setting.scene.movers()) question.moved.push_back({id, setting.scene.casters()[id].placement});
+            keys[i] = keyOf(question);
+            auto traced = store.frame(keys[i], [&]() -> Result<culling::TruthFrame> {
+                const auto truth = tracer.truth();
+                if (!truth) return truth.error();
+                return truth.value()->trace(question.view, config.width, config.height, setting.farDistance, setting.light.sun);
+            });
             if (!traced) return traced.error();
-            into = std::move(traced.value());
-            return Done{};
-        };
-        if (const auto moved = moveTo(setting.scene, *truth.value(), poses[frame].time); !moved) return moved.error();
-        if (const auto done = trace(frame, pair.first); !done) return done.error();
-        const auto moved = moveTo(setting.scene, *truth.value(), poses[frame + 1].time);
-        if (!moved) return moved.error();
-        if (const auto done = trace(frame + 1, pair.second); !done) return done.error();
+            (i == 0 ? pair.first : pair.second) = std::move(traced.value());
+        }
         pair.askedFirst = sunwardPixels(pair.first);
         pair.askedSecond = sunwardPixels(pair.second);
         std::vector<SurfacePoint> points;
-        for (const uint32_t pixel : pair.askedFirst.pixels) points.push_back(culling::surfaceAt(pair.first, pixel));
-        auto again = truth.value()->revisit(points, viewAt(setting, poses[frame + 1]), setting.farDistance,
-                                            setting.light.sun, moved.value());
+        std::vector<size_t> asked;  // which of them face the sun
+        for (size_t i = 0; i < pair.first.states.size(); ++i) {
+            if (pair.first.states[i] == culling::Sunlight::kSky) continue;
+            if (culling::sunward(pair.first.states[i])) asked.push_back(points.size());
+            points.push_back(culling::surfaceAt(pair.first, i));
+        }
+        const auto again = store.revisit(keys[0], keys[1], [&]() -> Result<std::vector<culling::Sunlight>> {
+            const auto truth = tracer.truth();
+            if (!truth) return truth.error();
+            return truth.value()->revisit(points, viewAt(setting, poses[frame + 1]), setting.farDistance, setting.light.sun, moved);
+        });
         if (!again) return again.error();
-        pair.again = std::move(again.value());
-        pixels += points.size() + pair.askedSecond.pixels.size();
+        for (const size_t i : asked) pair.again.push_back(again.value()[i]);
+        pixels += asked.size() + pair.askedSecond.pixels.size();
         pairs.push_back(std::move(pair));
         onFrame(pairs.size(), frames.size());
     }

@@ -7,6 +7,7 @@
 
 #include "tools/lab/engine.h"
 #include "tools/lab/measures.h"
+#include "tools/truth_store.h"
 
 namespace tools::lab {
 
@@ -44,10 +45,11 @@ struct TruthPair {
 /// Frames in which a truth is asked for: the first of each pair, ascending.
 std::vector<size_t> judgedFrames(size_t poses, uint64_t every);
 
-/// Traces the truth of the frames. kUsage where no pixel of any of them faces the sun.
+/// The truth of the frames: what `store` has of it, and the rest traced, and stored. kUsage where no pixel of any of
+/// them faces the sun.
 ///   onFrame  after each pair: pairs done, of how many
 world::Result<std::vector<TruthPair>> traceTruth(const Setting& setting, std::span<const world::Pose> poses,
-                                                 std::span<const size_t> frames, const RunConfig& config,
+                                                 std::span<const size_t> frames, const RunConfig& config, TruthStore& store,
                                                  const std::function<void(size_t, size_t)>& onFrame);
 
 /// Runs one method over the poses.

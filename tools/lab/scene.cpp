@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "tools/mover_feed.h"
+#include "world/hash.h"
 
 namespace tools::lab {
 namespace {
@@ -103,6 +104,12 @@ Result<Scene> Scene::load(const world::WorldStore& store, std::span<const world:
     }
     if (scene.table_.size() == 0)
         return Error{ErrorCode::kBadData, store.path() + ": nothing near the path casts a shadow; give a path through it"};
+    const auto content = store.contentHash();
+    if (!content) return content.error();
+    // Chunks are read whole and in order: which they are says which caster has which number.
+    std::vector<int32_t> keys;
+    for (const world::ChunkKey key : wanted) keys.insert(keys.end(), {key.x, key.y, key.z});
+    scene.hash_ = world::hashValues(std::span<const int32_t>(keys), content.value());
     return scene;
 }
 

@@ -34,6 +34,9 @@ public:
     std::span<const world::CasterId> movers() const { return movers_; }  ///< ascending
     const world::Box& bounds() const { return bounds_; }  ///< of all that casts at rest, world [m]
 
+    /// Of the world's content and of which casters are there, by what numbers.
+    uint64_t hash() const { return hash_; }
+
     /// Puts the movers where they are at `time`. The movers that it moved.
     std::span<const world::CasterId> moveTo(double time);
 
@@ -50,6 +53,7 @@ private:
     std::vector<Track> tracks_;
     std::vector<world::CasterId> movers_, moved_;
     world::Box bounds_;
+    uint64_t hash_ = 0;
 };
 
 }  // namespace tools::lab
