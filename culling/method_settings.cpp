@@ -73,7 +73,8 @@ std::vector<NamedField> fieldsOf(ShadowMethod& m) {
             {"fade", &m.fade},
             {"keep", &m.keep},
             {"mended-scroll", &m.mendedScroll},
-            {"guard-band", &m.guardBand}};
+            {"guard-band", &m.guardBand},
+            {"rays", &m.rays}};
 }
 
 std::string toText(int value) { return std::to_string(value); }

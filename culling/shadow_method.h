@@ -90,6 +90,7 @@ struct ShadowMethod {
     Keep keep = Keep::kNothing;
     bool mendedScroll = true;  ///< exposed strips draw all that meets them; else S - S' alone
     int guardBand = 1;         ///< kept windows move in steps of this many texels
+    int rays = 4096;           ///< a cache: most rays to prove one cluster hidden; 0: nothing is left out as hidden
 };
 
 constexpr int kMaxViews = 8;

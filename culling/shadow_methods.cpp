@@ -186,6 +186,7 @@ world::Result<world::Done> requireMethod(const ShadowMethod& m) {
         return bad("bits of depth: " + std::to_string(m.depthBits), "16 or 32");
     if (m.guardBand < 1 || m.guardBand > m.side / 4)
         return bad("guard band: " + std::to_string(m.guardBand), "1 to a quarter of the side");
+    if (m.rays < 0 || m.rays > 1 << 20) return bad("rays: " + std::to_string(m.rays), "0 to 1048576");
     if (!upTo(m.levelError, 1e6)) return bad("error of levels: " + text(m.levelError), "0 to 1000000 texels");
     for (const double bias :
          {m.bias.constant, m.bias.slope, m.bias.receiver, m.bias.gradient, m.bias.gradientMost, m.bias.normalOffset})

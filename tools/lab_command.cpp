@@ -8,8 +8,8 @@
 #include <sstream>
 #include <string>
 
-#include "culling/method_settings.h"
 #include "tools/lab/run.h"
+#include "tools/method_file.h"
 #include "tools/options.h"
 #include "tools/progress.h"
 #include "tools/replay.h"
@@ -38,7 +38,7 @@ Result<std::vector<culling::ShadowMethod>> methodsOf(const std::string& names) {
     }
     std::istringstream list(names);
     for (std::string name; std::getline(list, name, ',');) {
-        auto method = culling::methodFrom(name);
+        auto method = methodFromWord(name);
         if (!method) return method.error();
         methods.push_back(std::move(method.value()));
     }
@@ -138,7 +138,7 @@ Command addLabCommand(CLI::App& app) {
     parser->add_option("world", options->world, "world file")->required();
     parser->add_option("--path", options->path, "camera path, TUM trajectory")->required();
     parser->add_option("--movers", options->movers, "recorded motion of objects, CSV");
-    parser->add_option("--methods", options->methods, "names, with commas between them, each with settings if you like: gnomon,gnomon:filter=box3:side=2048; all by default");
+    parser->add_option("--methods", options->methods, "names, with commas between them, each with settings if you like: gnomon,gnomon:filter=box3:side=2048, or files NAME.toml; all by default");
     parser->add_option("--frames", options->frames, "FIRST:END, frame numbers to play");
     parser->add_option("--fps", options->fps, "resample the path to this rate; its own times by default");
     parser->add_option("--every", options->run.every, "judge every Nth frame and the one after it; some 16 times by default");

@@ -15,6 +15,7 @@
 #include "tools/difference_text.h"
 #include "tools/dump.h"
 #include "tools/frames_csv.h"
+#include "tools/method_file.h"
 #include "tools/options.h"
 #include "tools/output_folder.h"
 #include "tools/progress.h"
@@ -35,7 +36,7 @@ using world::Result;
 
 struct ReplayOptions {
     std::string world, path, movers;
-    std::string sun, frames, verify;  ///< as typed; empty: not given
+    std::string sun, frames, verify, config;  ///< as typed; empty: not given
     std::vector<std::string> spots;   ///< as typed
     std::string method = "gnomon", occlusion = "exact", clock = "lockstep";
     double fps = 0;   ///< 0: the path's own times
@@ -74,6 +75,11 @@ Result<server::ShadowConfig> shadowConfig(const ReplayOptions& options) {
     config.method = options.method == "redraw" ? server::Method::kRedraw : server::Method::kGnomon;
     config.occlusion = options.occlusion == "exact";
     config.format = options.depthBits == 16 ? gpu::DepthFormat::kD16 : gpu::DepthFormat::kD32;
+    if (!options.config.empty()) {
+        const auto method = methodFromWord(options.config);
+        if (!method) return method.error();
+        if (const auto good = apply(method.value(), config); !good) return good.error();
+    }
     config.sunMotion.step = glm::radians(options.sunStep);
     if (options.budgetTexels > 0) config.budget.texels = options.budgetTexels;
     if (options.budgetTriangles > 0) config.budget.triangles = options.budgetTriangles;
@@ -282,6 +288,8 @@ void addSystemOptions(CLI::App& parser, ReplayOptions& options) {
         ->check(CLI::Range(0.01, 10.0));
     parser.add_option("--method", options.method, "gnomon, or redraw: everything drawn whole in each frame")
         ->check(CLI::IsMember({"gnomon", "redraw"}));
+    CLI::Option* config = parser.add_option(
+        "--config", options.config, "the maps' settings: a file NAME.toml, as gnomon tune writes it, or gnomon:SETTING=VALUE");
     parser.add_option("--cascades", options.shadow.cascades, "cascades, 1 to 8");
     parser.add_option("--resolution", options.shadow.side, "texels a side of each map, 64 to 8192");
     parser.add_option("--far", options.shadow.farDistance, "how far from the eye shadows reach [m]");
@@ -307,6 +315,8 @@ void addSystemOptions(CLI::App& parser, ReplayOptions& options) {
     parser.add_option("--occlusion", options.occlusion, "off, or exact: skip casters proven hidden")
         ->check(CLI::IsMember({"off", "exact"}));
     parser.add_option("--rays", options.shadow.raysPerCluster, "most rays to prove one cluster hidden");
+    for (const char* other : {"--cascades", "--resolution", "--guard-band", "--level-error", "--depth", "--occlusion", "--rays"})
+        config->excludes(parser.get_option(other));
     parser.add_option("--clock", options.clock,
                       "lockstep: frames wait for chunks; virtual: a modelled disk is late, the same way every time; "
                       "live: frames keep the path's time, chunks come when they are read")

@@ -10,6 +10,7 @@
 #include "server/shadow_system.h"
 #include "tools/dump.h"
 #include "tools/lab/view_plans.h"
+#include "tools/method_file.h"
 #include "tools/mover_feed.h"
 #include "tools/replay.h"
 
@@ -113,27 +114,18 @@ private:
     bool staticsDrawn_ = false;
 };
 
-server::ShadowConfig configOf(const Setting& setting, const ShadowMethod& method) {
-    server::ShadowConfig config;
-    config.cascades = method.splits.count;
-    config.splitRatio = method.splits.ratio;
-    config.side = method.side;
-    config.farDistance = setting.farDistance;
-    config.guardBand = method.guardBand;
-    config.levelError = method.levelError;
-    config.format = formatOf(method);
-    config.sun = setting.light.sun;
-    config.geometryBytes = kGeometryBytes;
-    return config;
-}
-
 /// Gnomon itself.
 class CacheEngine : public Engine {
 public:
     CacheEngine(const Setting& setting, const ShadowMethod& method) : setting_(setting), method_(method) {}
 
     Result<Done> start() {
-        auto made = server::ShadowSystem::create(setting_.device, setting_.store, configOf(setting_, method_));
+        server::ShadowConfig config;
+        if (const auto good = apply(method_, config); !good) return good;
+        config.farDistance = setting_.farDistance;
+        config.sun = setting_.light.sun;
+        config.geometryBytes = kGeometryBytes;
+        auto made = server::ShadowSystem::create(setting_.device, setting_.store, config);
         if (!made) return made.error();
         system_ = std::move(made.value());
         if (setting_.movers.empty()) return Done{};
