@@ -1,32 +1,25 @@
 #include "tools/lab_command.h"
 
+#include <algorithm>
 #include <cstdio>
-#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <optional>
 #include <sstream>
 #include <string>
 
-#include "tools/lab/run.h"
+#include "tools/lab/session.h"
 #include "tools/method_file.h"
-#include "tools/options.h"
 #include "tools/progress.h"
-#include "tools/replay.h"
 
 namespace tools {
 namespace {
 
-using world::Done;
-using world::Error;
-using world::ErrorCode;
 using world::Result;
 
 struct LabOptions {
-    std::string world, path, movers, frames, sun, methods;
-    double fps = 0, farDistance = 600, fov = 60;
-    lab::RunConfig run;
-    gpu::DeviceConfig device;
+    lab::SessionOptions session;
+    std::string methods;
 };
 
 Result<std::vector<culling::ShadowMethod>> methodsOf(const std::string& names) {
@@ -43,18 +36,6 @@ Result<std::vector<culling::ShadowMethod>> methodsOf(const std::string& names) {
         methods.push_back(std::move(method.value()));
     }
     return methods;
-}
-
-Result<std::vector<world::Pose>> posesOf(const LabOptions& options) {
-    std::optional<FrameRange> range;
-    if (!options.frames.empty()) {
-        const auto parsed = parseFrameRange(options.frames);
-        if (!parsed) return parsed.error();
-        range = parsed.value();
-    }
-    const auto path = world::readTum(options.path);
-    if (!path) return path.error();
-    return replayPoses(path.value(), options.fps, range);
 }
 
 void printHead() {
@@ -80,48 +61,19 @@ void print(const lab::MethodResult& r) {
 Result<int> runLab(const LabOptions& options) {
     auto methods = methodsOf(options.methods);
     if (!methods) return methods.error();
-    const auto poses = posesOf(options);
-    if (!poses) return poses.error();
-    if (poses.value().size() < 2) return Error{ErrorCode::kUsage, options.path + ": one frame; points are followed from frame to frame, give two or more"};
-    std::vector<world::MoverTrack> tracks;
-    if (!options.movers.empty()) {
-        auto read = world::readMovers(options.movers);
-        if (!read) return read.error();
-        tracks = std::move(read.value());
-    }
-    auto store = world::WorldStore::open(options.world);
-    if (!store) return store.error();
-    if (const auto in = requirePathInWorld(poses.value(), store.value().header().bounds, options.farDistance); !in)
-        return Error{in.error().code, options.path + ": " + in.error().what};
-    glm::dvec3 sun = store.value().header().sun;
-    if (!options.sun.empty()) {
-        const auto parsed = parseSun(options.sun);
-        if (!parsed) return parsed.error();
-        sun = parsed.value();
-    }
-    const auto light = culling::makeLightSpace(sun);
-    if (!light) return light.error();
-    auto device = gpu::Device::create(options.device);
-    if (!device) return device.error();
-    auto scene = lab::Scene::load(store.value(), poses.value(), options.farDistance, light.value(), tracks);
-    if (!scene) return scene.error();
-    const lab::Setting setting{*device.value(), store.value(), scene.value(), tracks, light.value(), options.farDistance,
-                               glm::radians(options.fov)};
-    std::optional<Progress> progress;
-    const auto follow = [&](const std::string& name) {
-        progress.emplace(name, std::cerr, stderrIsTerminal());
-        return [&progress](size_t done, size_t total) { progress->at(done, total); };
-    };
-    auto kept = TruthStore::open(std::filesystem::path(options.world).stem().string() + ".truth");
-    if (!kept) return kept.error();
-    const auto truth = lab::traceTruth(setting, poses.value(), lab::judgedFrames(poses.value().size(), options.run.every),
-                                       options.run, kept.value(), follow("truth"));
-    progress.reset();
-    for (const std::string& line : kept.value().damage()) std::cerr << line << '\n';
+    const auto session = lab::openSession(options.session);
+    if (!session) return session.error();
+    const lab::Session& s = *session.value();
+    const auto truth = lab::truthOf(s, options.session);
     if (!truth) return truth.error();
     printHead();
+    std::optional<Progress> progress;
+    const auto follow = [&](const culling::ShadowMethod& method) {
+        progress.emplace(method.name, std::cerr, stderrIsTerminal());
+        return [&progress](size_t done, size_t total) { progress->at(done, total); };
+    };
     for (const culling::ShadowMethod& method : methods.value()) {
-        const auto result = lab::judgeMethod(setting, poses.value(), truth.value(), method, follow(method.name));
+        const auto result = lab::judgeMethod(*s.setting, s.poses, truth.value(), method, follow(method));
         progress.reset();
         if (!result) return result.error();
         print(result.value());
@@ -135,19 +87,10 @@ Result<int> runLab(const LabOptions& options) {
 Command addLabCommand(CLI::App& app) {
     const auto options = std::make_shared<LabOptions>();
     CLI::App* parser = app.add_subcommand("lab", "Judge shadow methods by ray tracing along a recorded path");
-    parser->add_option("world", options->world, "world file")->required();
-    parser->add_option("--path", options->path, "camera path, TUM trajectory")->required();
-    parser->add_option("--movers", options->movers, "recorded motion of objects, CSV");
-    parser->add_option("--methods", options->methods, "names, with commas between them, each with settings if you like: gnomon,gnomon:filter=box3:side=2048, or files NAME.toml; all by default");
-    parser->add_option("--frames", options->frames, "FIRST:END, frame numbers to play");
-    parser->add_option("--fps", options->fps, "resample the path to this rate; its own times by default");
-    parser->add_option("--every", options->run.every, "judge every Nth frame and the one after it; some 16 times by default");
-    parser->add_option("--far", options->farDistance, "how far from the eye shadows reach [m]");
-    parser->add_option("--fov", options->fov, "the camera's vertical field of view [degrees], at 16:9")
-        ->check(CLI::Range(1.0, 170.0));
-    parser->add_option("--sun", options->sun, "AZIMUTH,ELEVATION of the sun [degrees]; the world's own by default");
-    parser->add_option("--device", options->device.nameContains, "use the first device whose name contains this");
-    parser->add_flag("--validation", options->device.validation, "Vulkan's core and synchronization validation");
+    lab::addSessionOptions(*parser, options->session);
+    parser->add_option("--methods", options->methods,
+                       "names, with commas between them, each with settings if you like: gnomon,gnomon:filter=box3:side=2048, "
+                       "or files NAME.toml; all by default");
     return {parser, [options] { return runLab(*options); }};
 }
 

@@ -12,6 +12,7 @@
 #include "tools/replay_command.h"
 #include "tools/soak_command.h"
 #include "tools/stress_command.h"
+#include "tools/tune_command.h"
 
 namespace {
 
@@ -32,7 +33,7 @@ int main(int argc, char** argv) {
     const tools::Command commands[] = {tools::addBakeCommand(app), tools::addInfoCommand(app),
                                        tools::addReplayCommand(app), tools::addSoakCommand(app),
                                        tools::addStressCommand(app), tools::addEditCommand(app),
-                                       tools::addLabCommand(app)};
+                                       tools::addLabCommand(app), tools::addTuneCommand(app)};
     try {
         app.parse(argc, argv);
     } catch (const CLI::ParseError& error) {
