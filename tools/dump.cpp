@@ -1,13 +1,11 @@
 #include "tools/dump.h"
 
-#include <png.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 #include <optional>
 #include <utility>
 
@@ -93,20 +91,6 @@ std::vector<uint8_t> coverage(std::span<const cache::StoreRect> rects, int side)
     return covered;
 }
 
-/// Writes with libpng's simplified interface, which reports errors by value.
-world::Result<world::Done> writeImage(png_uint_32 format, int width, int height, const void* pixels,
-                                      const std::string& path) {
-    png_image image;
-    std::memset(&image, 0, sizeof image);
-    image.version = PNG_IMAGE_VERSION;
-    image.width = static_cast<png_uint_32>(width);
-    image.height = static_cast<png_uint_32>(height);
-    image.format = format;
-    if (png_image_write_to_file(&image, path.c_str(), 0, pixels, 0, nullptr)) return world::Done{};
-    return world::Error{world::ErrorCode::kIo, path + ": " + image.message +
-                                                   "; give --dump a folder that can be written, with room"};
-}
-
 }  // namespace
 
 std::vector<float> unwrap(std::span<const float> stored, int side, cache::Texel window) {
@@ -156,18 +140,6 @@ RgbImage scrollPicture(const ScrollMaps& maps) {
         }
     }
     return image;
-}
-
-world::Result<world::Done> writePng(const RgbImage& image, const std::string& path) {
-    return writeImage(PNG_FORMAT_RGB, image.width, image.height, image.pixels.data(), path);
-}
-
-world::Result<world::Done> writeDepthPng(std::span<const float> depths, int side, const std::string& path) {
-    std::vector<uint16_t> gray(depths.size());
-    std::transform(depths.begin(), depths.end(), gray.begin(), [](float depth) {
-        return static_cast<uint16_t>(std::lround(std::clamp(double(depth), 0.0, 1.0) * 65535));
-    });
-    return writeImage(PNG_FORMAT_LINEAR_Y, side, side, gray.data(), path);
 }
 
 Dump::Dump(const OutputFolder& folder, size_t frames) : folder_(folder) {

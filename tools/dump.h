@@ -1,23 +1,16 @@
 // tools/dump.h — pictures of what a scroll kept and what it drew, to see a cascade's cache at work.
 #pragma once
 
-#include <cstdint>
 #include <span>
-#include <string>
 #include <vector>
 
 #include "server/shadow_system.h"
+#include "tools/image.h"
 #include "tools/output_folder.h"
 
 namespace tools {
 
 struct ReplayFrame;
-
-/// 8-bit RGB, row by row, three bytes a pixel.
-struct RgbImage {
-    int width = 0, height = 0;  ///< [pixels]
-    std::vector<uint8_t> pixels;
-};
 
 /// A map in the order of its window: pixel (x, y) is lattice texel window + (x, y), which is stored
 /// at that sum modulo `side` on each axis. `stored` has side * side values.
@@ -37,11 +30,6 @@ struct ScrollMaps {
 /// drew, which is every texel that is cleared or differs from before, the rest dark. Gray is
 /// height toward the sun over the map's own trend, white the nearest; empty texels are blue.
 RgbImage scrollPicture(const ScrollMaps& maps);
-
-/// kIo names the file.
-world::Result<world::Done> writePng(const RgbImage& image, const std::string& path);
-/// 16 bits a pixel, round(depth * 65535): absolute, unlike the pictures. `depths` has side * side values.
-world::Result<world::Done> writeDepthPng(std::span<const float> depths, int side, const std::string& path);
 
 /// Dumps 8 frames spread evenly over a replay, per cascade `frame_NUMBER_cascade_C.png` (see
 /// scrollPicture) and `frame_NUMBER_cascade_C_depth.png`, the working map in window order.
