@@ -15,8 +15,6 @@ constexpr double kEdgeReach = 2.17;
 /// Surfaces seen at a flatter angle than this count as if they were not [cosine]: their pixels are as long as one likes.
 constexpr double kFlattest = 0.05;
 
-bool lit(const server::ReceiverLight& answer) { return answer.light > 0.5f; }
-
 }  // namespace
 
 Measures& Measures::operator+=(const Measures& o) {

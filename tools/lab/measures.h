@@ -11,6 +11,9 @@
 
 namespace tools::lab {
 
+/// A filtered answer counts as lit when most of it is.
+inline bool lit(const server::ReceiverLight& answer) { return answer.light > 0.5f; }
+
 /// Pixels whose light is off by more than a half, by where they are.
 struct Wrong {
     uint64_t atEdges = 0;   ///< within a texel of a shadow's edge, or as far as 2.17: see culling::TruthFrame::edges
@@ -36,6 +39,7 @@ struct Measures {
     std::vector<float> texelsPerPixel;  ///< edge of the texel that answered over a pixel's, of each answered pixel
 
     Measures& operator+=(const Measures& o);
+    uint64_t wrong() const { return falseLit.all() + falseShadow.all(); }
     double share(uint64_t count) const { return pixels == 0 ? 0 : double(count) / double(pixels); }
     double flipsPerMillion() const { return points == 0 ? 0 : 1e6 * double(flips) / double(points); }
     /// The given share of `texelsPerPixel` is at most this; 0 where there are none.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <map>
 
+#include "tools/lab/picture.h"
 #include "world/check.h"
 
 namespace tools::lab {
@@ -85,7 +86,10 @@ public:
         uint64_t texels = 0;
         for (const std::vector<float>& image : images_) texels += image.size();
         result_.judged.push_back({frame, cost, judge(truth, asked, answers, setting_.verticalFov, texels)});
-        result_.measures += result_.judged.back().measures;
+        const Measures& measures = result_.judged.back().measures;
+        result_.measures += measures;
+        if (result_.judged.size() == 1 || measures.wrong() > result_.worst.wrong)
+            result_.worst = {frame, measures.wrong(), wrongPicture(truth, asked, answers)};
         return answers;
     }
 
@@ -178,6 +182,7 @@ Result<MethodResult> judgeMethod(const Setting& setting, std::span<const world::
             if (!cost) return cost.error();
             ++result.frames;
             result.cost += cost.value().cost;
+            result.drawn.push_back(at);
             result.triangles.push_back(cost.value().cost.triangles);
             result.ms.push_back(cost.value().ms);
             if (first || second)

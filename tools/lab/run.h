@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "tools/image.h"
 #include "tools/lab/engine.h"
 #include "tools/lab/measures.h"
 #include "tools/truth_store.h"
@@ -24,14 +25,23 @@ struct JudgedFrame {
     Measures measures;
 };
 
+/// The judged frame with the most wrong pixels; of several the first.
+struct WorstFrame {
+    size_t frame = 0;  ///< in the path
+    uint64_t wrong = 0;  ///< pixels
+    RgbImage picture;    ///< see `wrongPicture`
+};
+
 struct MethodResult {
     culling::ShadowMethod method;
     size_t frames = 0;  ///< drawn: all of the path's, or the judged ones of a method that remembers nothing
     cache::Cost cost;   ///< summed over them
+    std::vector<size_t> drawn;        ///< numbers of these frames in the path, ascending
     std::vector<uint64_t> triangles;  ///< by frame, in order
     std::vector<double> ms;           ///< likewise
     Measures measures;                ///< summed over the judged frames
     std::vector<JudgedFrame> judged;
+    WorstFrame worst;
 };
 
 /// Two frames that follow each other, and what of the first is still to be seen in the second.

@@ -1,0 +1,103 @@
+// tests/tools/lab_run_test.cpp — methods judged on a small world, whole: truth, maps, answers, measures.
+#include "tools/lab/run.h"
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include "tests/server/worlds.h"
+
+namespace {
+
+using tools::lab::MethodResult;
+using world::Pose;
+
+/// Past streets of boxes at 8 m/s, a little downward.
+std::vector<Pose> poses(size_t count) {
+    std::vector<Pose> path;
+    for (size_t k = 0; k < count; ++k)
+        path.push_back({double(k) / 10, {-6 + 0.8 * double(k), 4, 20}, glm::angleAxis(-0.3, glm::dvec3(1, 0, 0))});
+    return path;
+}
+
+/// Judges doughnut and gnomon with so many threads, from nothing.
+std::vector<MethodResult> judgedWith(size_t threads) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    const world::WorldStore store = tests::baked(tests::streets({0, 0, 0}), "lab.world");
+    const std::vector<Pose> path = poses(6);
+    const std::vector<world::MoverTrack> none;
+    const auto light = culling::makeLightSpace(store.header().sun).value();
+    auto scene = tools::lab::Scene::load(store, path, 120, light, none);
+    EXPECT_TRUE(scene);
+    const tools::lab::Setting setting{tests::validatedDevice(), store, scene.value(), none, light, 120, glm::radians(60.0)};
+    tools::lab::RunConfig config;
+    config.width = 96;
+    config.height = 54;
+    const auto follow = [](size_t, size_t) {};
+    const auto truth = tools::lab::traceTruth(setting, path, tools::lab::judgedFrames(path.size(), 3), config, follow);
+    EXPECT_TRUE(truth);
+    std::vector<MethodResult> results;
+    for (const char* name : {"doughnut", "gnomon"}) {
+        culling::ShadowMethod method = culling::methodNamed(name).value();
+        method.side = 256;
+        auto result = tools::lab::judgeMethod(setting, path, truth.value(), method, follow);
+        EXPECT_TRUE(result) << name;
+        if (result) results.push_back(std::move(result.value()));
+    }
+    tests::expectSilence();
+    return results;
+}
+
+TEST(Lab, CountersErrorsAndPicturesDoNotDependOnThreads) {
+    const auto one = judgedWith(1), two = judgedWith(2);
+    ASSERT_EQ(one.size(), 2u);
+    ASSERT_EQ(two.size(), 2u);
+    for (size_t k = 0; k < 2; ++k) {
+        const MethodResult &a = one[k], &b = two[k];
+        EXPECT_EQ(a.cost, b.cost) << a.method.name;
+        EXPECT_EQ(a.drawn, b.drawn);
+        EXPECT_EQ(a.triangles, b.triangles);
+        ASSERT_EQ(a.judged.size(), b.judged.size());
+        for (size_t f = 0; f < a.judged.size(); ++f) {
+            const tools::lab::Measures &m = a.judged[f].measures, &n = b.judged[f].measures;
+            EXPECT_EQ(a.judged[f].frame, b.judged[f].frame);
+            EXPECT_EQ(m.pixels, n.pixels);
+            EXPECT_EQ(m.falseLit.atEdges, n.falseLit.atEdges);
+            EXPECT_EQ(m.falseLit.elsewhere, n.falseLit.elsewhere);
+            EXPECT_EQ(m.falseShadow.atEdges, n.falseShadow.atEdges);
+            EXPECT_EQ(m.falseShadow.elsewhere, n.falseShadow.elsewhere);
+            EXPECT_EQ(m.difference, n.difference);
+            EXPECT_EQ(m.unanswered, n.unanswered);
+            EXPECT_EQ(m.points, n.points);
+            EXPECT_EQ(m.flips, n.flips);
+            EXPECT_EQ(m.usedShare, n.usedShare);
+            EXPECT_EQ(m.texelsPerPixel, n.texelsPerPixel);
+        }
+        EXPECT_EQ(a.worst.frame, b.worst.frame);
+        EXPECT_EQ(a.worst.picture.pixels, b.worst.picture.pixels);
+    }
+}
+
+TEST(Lab, TheWorstFrameIsTheOneWithMostWrongPixels) {
+    for (const MethodResult& result : judgedWith(2)) {
+        ASSERT_FALSE(result.judged.empty());
+        uint64_t most = 0, sum = 0;
+        for (const tools::lab::JudgedFrame& frame : result.judged) {
+            most = std::max(most, frame.measures.wrong());
+            sum += frame.measures.wrong();
+            if (frame.frame == result.worst.frame) {
+                EXPECT_EQ(frame.measures.wrong(), result.worst.wrong);
+            }
+        }
+        EXPECT_GT(sum, 0u) << result.method.name << " is never wrong at 256 texels: a judge that is blind";
+        EXPECT_EQ(result.worst.wrong, most);
+        EXPECT_EQ(result.measures.wrong(), sum);
+        EXPECT_EQ(result.worst.picture.width, 96);
+        EXPECT_EQ(result.worst.picture.height, 54);
+        EXPECT_EQ(result.drawn.size(), result.frames);
+        // Doughnut draws what is judged, gnomon all frames of the path.
+        const std::vector<size_t> judged{1, 2, 4, 5}, all{0, 1, 2, 3, 4, 5};
+        EXPECT_EQ(result.drawn, result.method.name == "gnomon" ? all : judged);
+    }
+}
+
+}  // namespace
