@@ -77,6 +77,19 @@ TEST(Lab, CountersErrorsAndPicturesDoNotDependOnThreads) {
     }
 }
 
+TEST(JudgedFrames, ArePairsThatDoNotOverlap) {
+    for (const size_t poses : {2u, 3u, 7u, 60u, 1000u})
+        for (const uint64_t every : {0u, 1u, 2u, 3u, 50u}) {
+            size_t next = 0;
+            for (const size_t frame : tools::lab::judgedFrames(poses, every)) {
+                EXPECT_GE(frame, next) << poses << " poses, every " << every;
+                next = frame + 2;
+                EXPECT_LE(next, poses);
+            }
+            EXPECT_GT(next, 0u) << poses << " poses, every " << every;
+        }
+}
+
 TEST(Lab, TheWorstFrameIsTheOneWithMostWrongPixels) {
     for (const MethodResult& result : judgedWith(2)) {
         ASSERT_FALSE(result.judged.empty());

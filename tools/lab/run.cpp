@@ -105,9 +105,10 @@ private:
 }  // namespace
 
 std::vector<size_t> judgedFrames(size_t poses, uint64_t every) {
+    CHECK(poses >= 2);
     std::vector<size_t> frames;
-    const size_t step = every > 0 ? size_t(every) : std::max<size_t>(2, poses / kPairs);
-    for (size_t at = step / 2; at + 1 < poses; at += step) frames.push_back(at);
+    const size_t step = std::max<size_t>(2, every > 0 ? size_t(every) : poses / kPairs);
+    for (size_t at = std::min(step / 2, poses - 2); at + 1 < poses; at += step) frames.push_back(at);
     return frames;
 }
 

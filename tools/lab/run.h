@@ -52,7 +52,8 @@ struct TruthPair {
     std::vector<culling::Sunlight> again;  ///< per point of `askedFirst`
 };
 
-/// Frames in which a truth is asked for: the first of each pair, ascending.
+/// Frames in which a truth is asked for: the first of each pair, ascending. Pairs do not overlap: an `every` of 1 is taken
+/// for 2, which judges every frame, and there is at least one. `poses` is at least 2.
 std::vector<size_t> judgedFrames(size_t poses, uint64_t every);
 
 /// The truth of the frames: what `store` has of it, and the rest traced, and stored. kUsage where no pixel of any of
