@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <fstream>
 #include <memory>
 #include <span>
 #include <tuple>
@@ -14,6 +13,7 @@
 #include "world/clusters.h"
 #include "world/codec.h"
 #include "world/hash.h"
+#include "world/program.h"
 #include "world/mesh_bounds.h"
 #include "world/store.h"
 
@@ -203,11 +203,7 @@ Result<Done> putAll(WorldWriter& writer, const std::vector<Row>& rows) {
 /// Tells this bake from all that would write another world: by the source, and by the program, of which a
 /// version to come may make other meshes.
 uint64_t workOf(const BakeSource& source) {
-    uint64_t hash = hashBytes(encodeHeader(source.header), source.contents);
-    std::ifstream program("/proc/self/exe", std::ios::binary);
-    std::vector<char> part(size_t{1} << 20);
-    while (program.read(part.data(), static_cast<std::streamsize>(part.size())) || program.gcount() > 0)
-        hash = hashValues(std::span<const char>(part.data(), static_cast<size_t>(program.gcount())), hash);
+    uint64_t hash = hashProgram(hashBytes(encodeHeader(source.header), source.contents));
     for (const Mesh& mesh : source.meshes) {
         for (const MeshLevel& level : mesh.levels) {
             hash = hashValues(std::span<const glm::vec3>(level.positions), hash);

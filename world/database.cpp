@@ -45,6 +45,17 @@ void Statement::bind(int parameter, std::span<const std::byte> bytes) {
           SQLITE_OK);
 }
 
+void Statement::bindReal(int parameter, double value) {
+    CHECK(sqlite3_bind_double(statement_.get(), parameter + 1, value) == SQLITE_OK);
+}
+
+void Statement::bindText(int parameter, std::string_view text) {
+    // As for bytes: an empty view may hold a null pointer.
+    const char* data = text.empty() ? "" : text.data();
+    CHECK(sqlite3_bind_text64(statement_.get(), parameter + 1, data, text.size(), SQLITE_STATIC, SQLITE_UTF8) ==
+          SQLITE_OK);
+}
+
 Result<bool> Statement::step() {
     const int code = sqlite3_step(statement_.get());
     if (code == SQLITE_ROW) return true;
@@ -60,6 +71,10 @@ int64_t Statement::integer(int column) {
     if (sqlite3_column_type(statement_.get(), column) != SQLITE_INTEGER) return 0;
     return sqlite3_column_int64(statement_.get(), column);
 }
+
+double Statement::real(int column) { return sqlite3_column_double(statement_.get(), column); }
+
+bool Statement::isNull(int column) { return sqlite3_column_type(statement_.get(), column) == SQLITE_NULL; }
 
 std::string Statement::text(int column) {
     const unsigned char* text = sqlite3_column_text(statement_.get(), column);

@@ -1,4 +1,4 @@
-// world/database.h — owner of an SQLite connection and its statements, as far as a world file needs them.
+// world/database.h — owner of an SQLite connection and its statements, as far as worlds and results of the lab need them.
 #pragma once
 
 #include <array>
@@ -7,6 +7,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "world/result.h"
@@ -30,11 +31,16 @@ public:
     void bind(int parameter, int64_t value);
     /// `bytes` must stay until the next `reset`.
     void bind(int parameter, std::span<const std::byte> bytes);
+    void bindReal(int parameter, double value);  ///< NaN becomes NULL
+    /// `text` must stay until the next `reset`.
+    void bindText(int parameter, std::string_view text);
     /// True on a row, false at the end. kIo when the disk is full or fails, kBadData for a damaged file.
     Result<bool> step();
     void reset();
 
     int64_t integer(int column);  ///< 0 for what is no integer
+    double real(int column);  ///< 0 for what is no number
+    bool isNull(int column);
     std::string text(int column);
     std::span<const std::byte> bytes(int column);  ///< valid until the next step or reset
 
