@@ -5,6 +5,7 @@
 #include <tbb/global_control.h>
 
 #include "tests/server/worlds.h"
+#include "tests/world/random_world.h"
 
 namespace {
 
@@ -33,7 +34,11 @@ std::vector<MethodResult> judgedWith(size_t threads) {
     config.width = 96;
     config.height = 54;
     const auto follow = [](size_t, size_t) {};
-    const auto truth = tools::lab::traceTruth(setting, path, tools::lab::judgedFrames(path.size(), 3), config, follow);
+    const world_tests::TempFolder folder;
+    auto kept = tools::TruthStore::open(folder.file("lab.truth"));
+    EXPECT_TRUE(kept);
+    const auto truth =
+        tools::lab::traceTruth(setting, path, tools::lab::judgedFrames(path.size(), 3), config, kept.value(), follow);
     EXPECT_TRUE(truth);
     std::vector<MethodResult> results;
     for (const char* name : {"doughnut", "gnomon"}) {
