@@ -2,7 +2,12 @@
 #include "tools/lab/run.h"
 
 #include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
 #include <tbb/global_control.h>
+
+#include <cstdio>
+#include <filesystem>
 
 #include "tests/server/worlds.h"
 #include "tests/world/random_world.h"
@@ -116,6 +121,55 @@ TEST(Lab, TheWorstFrameIsTheOneWithMostWrongPixels) {
         const std::vector<size_t> judged{1, 2, 4, 5}, all{0, 1, 2, 3, 4, 5};
         EXPECT_EQ(result.drawn, result.method.name == "gnomon" ? all : judged);
     }
+}
+
+/// What the program printed of methods, a line each; it is killed after so many of them.
+struct Output {
+    int status = 0;
+    std::vector<std::string> rows;
+};
+Output lab(const std::string& arguments, size_t killAfter = 1000) {
+    const std::string line = "echo $$; exec '" GNOMON_BINARY "' lab " + arguments + " 2>/dev/null";
+    FILE* pipe = popen(line.c_str(), "r");
+    Output output;
+    char text[1024];
+    pid_t pid = 0;
+    while (fgets(text, sizeof text, pipe)) {
+        if (pid == 0) pid = pid_t(std::stol(text));
+        const std::string row = text;
+        if (row.find('|') == std::string::npos || row.starts_with("method")) continue;
+        output.rows.push_back(row);
+        if (output.rows.size() == killAfter) kill(pid, SIGKILL);
+    }
+    output.status = pclose(pipe);
+    return output;
+}
+
+TEST(Lab, WhatWasKilledGoesOnWithTheMethodsThatAreMissing) {
+    const std::string world = tests::temporary("killed.world"), path = tests::temporary("killed.tum");
+    tests::baked(tests::streets({0, 0, 0}), "killed.world");
+    ASSERT_TRUE(world::writeTum(path, poses(6)));
+    const std::string out = tests::temporary("killed.lab");
+    const std::string call = world + " --path " + path + " --far 60 --every 3 --out " + out + " --methods ";
+    const Output first = lab(call + "doughnut,gnomon,valient", 1);
+    ASSERT_TRUE(WIFSIGNALED(first.status) && WTERMSIG(first.status) == SIGKILL);
+    EXPECT_FALSE(std::filesystem::exists(out + "/lab.html"));
+
+    const Output second = lab(call + "doughnut,gnomon");
+    ASSERT_EQ(second.status, 0);
+    ASSERT_EQ(second.rows.size(), 2u);
+    EXPECT_EQ(second.rows[0], first.rows[0]) << "times, too: it was not run again";
+    const Output third = lab(call + "gnomon");
+    ASSERT_EQ(third.rows.size(), 1u);
+    EXPECT_EQ(third.rows[0], second.rows[1]);
+    const std::string page = world_tests::readFile(out + "/lab.html");
+    for (const char* name : {"\"name\":\"doughnut\"", "\"name\":\"gnomon\""})
+        EXPECT_NE(page.find(name), std::string::npos) << name << " was run with the same arguments, and is shown";
+    // Another setting is another run: nothing of the first is taken for it.
+    const Output other = lab(call + "doughnut --fov 50");
+    ASSERT_EQ(other.rows.size(), 1u);
+    EXPECT_NE(other.rows[0], first.rows[0]);
+    EXPECT_EQ(world_tests::readFile(out + "/lab.html").find("\"name\":\"gnomon\""), std::string::npos);
 }
 
 }  // namespace

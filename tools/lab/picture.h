@@ -14,9 +14,9 @@
 namespace tools::lab {
 
 using Rgb = std::array<uint8_t, 3>;
-constexpr Rgb kFalseLit{230, 159, 0};      ///< orange: sunlight where there is shadow
-constexpr Rgb kFalseShadow{0, 114, 178};   ///< blue: shadow where there is sunlight
-constexpr Rgb kSkyColor{238, 240, 243};    ///< lighter than any surface
+constexpr Rgb kFalseLit{230, 159, 0};     ///< orange: sunlight where there is shadow
+constexpr Rgb kFalseShadow{0, 130, 240};  ///< blue, brighter than theirs to read on dark gray: shadow where there is sunlight
+constexpr Rgb kSkyColor{238, 240, 243};   ///< lighter than any surface
 
 /// The truth in gray, the brighter the more a surface faces the sun, at most 205; wrong pixels in the colours above.
 ///   answers  for `asked`, in its order

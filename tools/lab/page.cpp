@@ -1,0 +1,89 @@
+#include "tools/lab/page.h"
+
+#include <nlohmann/json.hpp>
+#include <string_view>
+
+#include "tools/lab/embedded/chart.h"
+#include "tools/lab/embedded/chart_licence.h"
+#include "tools/lab/embedded/page.h"
+#include "world/check.h"
+
+namespace tools::lab {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+template <size_t N>
+std::string_view view(const unsigned char (&bytes)[N]) {
+    return {reinterpret_cast<const char*>(bytes), N};
+}
+
+std::string base64(std::span<const std::byte> bytes) {
+    constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    std::string text;
+    for (size_t k = 0; k < bytes.size(); k += 3) {
+        uint32_t group = 0;
+        for (size_t j = 0; j < 3; ++j) group = group << 8 | (k + j < bytes.size() ? uint32_t(bytes[k + j]) : 0);
+        for (size_t j = 0; j < 4; ++j) text += k + j > bytes.size() ? '=' : kDigits[group >> (18 - 6 * j) & 63];
+    }
+    return text;
+}
+
+Json jsonOf(const RunRecord& run) {
+    return {{"world", run.world}, {"path", run.path}, {"movers", run.movers}, {"frames", run.frames},
+            {"judged", run.judged}, {"begins", run.begins}, {"ends", run.ends}, {"far", run.farDistance},
+            {"fov", glm::degrees(run.verticalFov)}, {"sun", {run.sun.x, run.sun.y, run.sun.z}}, {"width", run.width},
+            {"height", run.height}, {"device", run.device}, {"driver", run.driver}, {"threads", run.threads}};
+}
+
+Json jsonOf(const MethodRecord& r) {
+    Json fields = Json::array(), series = Json::array();
+    for (const MethodField& f : r.fields) fields.push_back({f.name, f.value, f.unit});
+    for (const FrameRecord& f : r.series) {
+        Json frame{f.frame, f.triangles, f.ms};
+        if (f.judged)
+            for (const uint64_t value : {f.judged->pixels, f.judged->falseLit, f.judged->falseShadow}) frame.push_back(value);
+        series.push_back(std::move(frame));
+    }
+    return {{"name", r.name}, {"fields", fields}, {"frames", r.frames}, {"judged", r.judged}, {"pixels", r.pixels},
+            {"points", r.points}, {"triangles", r.aFrame(r.cost.triangles)}, {"texels", r.aFrame(r.cost.texels)},
+            {"draws", r.aFrame(r.cost.draws)}, {"ms", r.ms}, {"lit", r.percent(r.falseLit.all())},
+            {"litEdges", r.percent(r.falseLit.atEdges)}, {"shadow", r.percent(r.falseShadow.all())},
+            {"shadowEdges", r.percent(r.falseShadow.atEdges)},
+            {"wrong", r.percent(r.falseLit.all() + r.falseShadow.all())}, {"off", r.meanDifference()},
+            {"flips", r.flipsPerMillion()}, {"ratio50", r.ratio50}, {"ratio99", r.ratio99}, {"used", r.usedPercent()},
+            {"unanswered", r.percent(r.unanswered)}, {"worstFrame", r.worstFrame}, {"worstWrong", r.worstWrong},
+            {"picture", base64(r.picture)}, {"series", series}};
+}
+
+/// JSON that may stand in a script element: no text in it can end the element, or open a comment.
+std::string embeddable(const Json& json) {
+    std::string text = json.dump(-1, ' ', false, Json::error_handler_t::replace), out;
+    for (const char c : text) {
+        if (c == '<') out += "\\u003c";
+        else out += c;
+    }
+    return out;
+}
+
+/// Puts `value` where the page says `mark`, which it does once.
+void put(std::string& page, std::string_view mark, std::string_view value) {
+    const size_t at = page.find(mark);
+    CHECK(at != std::string::npos);
+    page.replace(at, mark.size(), value);
+}
+
+}  // namespace
+
+std::string labPage(const RunRecord& run, std::span<const MethodRecord> methods) {
+    Json data{{"run", jsonOf(run)}, {"methods", Json::array()}};
+    for (const MethodRecord& method : methods) data["methods"].push_back(jsonOf(method));
+    std::string page(view(kPage));
+    // The data last: what it says is not looked through for marks.
+    put(page, "@LICENCE@", view(kChartLicence));
+    put(page, "@CHART@", view(kChart));
+    put(page, "@DATA@", embeddable(data));
+    return page;
+}
+
+}  // namespace tools::lab

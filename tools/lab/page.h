@@ -1,0 +1,16 @@
+// tools/lab/page.h — results of the lab as one HTML file that needs nothing else: which methods are cheap, right and
+// steady, in charts, a table, pictures and series. The charts are drawn by Chart.js, which is part of the page.
+#pragma once
+
+#include <span>
+#include <string>
+
+#include "tools/lab/record.h"
+
+namespace tools::lab {
+
+/// The page of a run. Asks for nothing from anywhere. Text that is not UTF-8 is shown with replacement characters. The
+/// same text for the same records.
+std::string labPage(const RunRecord& run, std::span<const MethodRecord> methods);
+
+}  // namespace tools::lab

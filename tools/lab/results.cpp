@@ -1,0 +1,313 @@
+#include "tools/lab/results.h"
+
+#include <cerrno>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <system_error>
+#include <utility>
+
+#include "tools/lab/page.h"
+#include "tools/output_folder.h"
+
+namespace tools::lab {
+namespace {
+
+namespace fs = std::filesystem;
+using world::Done;
+using world::Error;
+using world::ErrorCode;
+using world::Result;
+using world::Statement;
+
+constexpr int64_t kLabId = 0x474c4142;  ///< "GLAB" in the file's header
+constexpr int64_t kLabVersion = 1;
+
+constexpr const char* kTables =
+    "CREATE TABLE run(key INTEGER PRIMARY KEY, world TEXT, path TEXT, movers TEXT, frames INTEGER, judged INTEGER, "
+    "begins REAL, ends REAL, far REAL, fov REAL, sun_x REAL, sun_y REAL, sun_z REAL, width INTEGER, height INTEGER, "
+    "device TEXT, driver TEXT, threads INTEGER);"
+    "CREATE TABLE method(key INTEGER PRIMARY KEY, run INTEGER, name TEXT, settings TEXT, frames INTEGER, "
+    "texels INTEGER, casters INTEGER, triangles INTEGER, draws INTEGER, ms REAL, judged INTEGER, pixels INTEGER, "
+    "lit_at_edges INTEGER, lit_elsewhere INTEGER, shadow_at_edges INTEGER, shadow_elsewhere INTEGER, difference REAL, "
+    "unanswered INTEGER, points INTEGER, flips INTEGER, ratio_50 REAL, ratio_99 REAL, used REAL, "
+    "worst_frame INTEGER, worst_wrong INTEGER, picture BLOB);"
+    "CREATE INDEX method_of_run ON method(run);"
+    "CREATE TABLE frame(method INTEGER, frame INTEGER, triangles INTEGER, ms REAL, pixels INTEGER, "
+    "false_lit INTEGER, false_shadow INTEGER, points INTEGER, flips INTEGER, PRIMARY KEY(method, frame)) WITHOUT ROWID;";
+
+/// Parameters or columns of a statement, one after the other.
+class Row {
+public:
+    explicit Row(Statement& statement) : statement_(statement) {}
+    void put(uint64_t value) { statement_.bind(at_++, static_cast<int64_t>(value)); }
+    void put(int value) { statement_.bind(at_++, int64_t{value}); }
+    void put(double value) { statement_.bindReal(at_++, value); }
+    void put(const std::string& text) { statement_.bindText(at_++, text); }
+    void put(const std::vector<std::byte>& bytes) { statement_.bind(at_++, std::span<const std::byte>(bytes)); }
+    void take(uint64_t& value) { value = static_cast<uint64_t>(statement_.integer(at_++)); }
+    void take(double& value) { value = statement_.real(at_++); }
+    void take(std::string& text) { text = statement_.text(at_++); }
+    void take(std::vector<std::byte>& bytes) {
+        const auto span = statement_.bytes(at_++);
+        bytes.assign(span.begin(), span.end());
+    }
+
+private:
+    Statement& statement_;
+    int at_ = 0;
+};
+
+/// The columns of `method` from `name` on but for `settings`, in their order, written and read by the same list.
+template <class Record, class Visit>
+void eachColumn(Record& r, Visit visit) {
+    visit(r.frames);
+    visit(r.cost.texels);
+    visit(r.cost.casters);
+    visit(r.cost.triangles);
+    visit(r.cost.draws);
+    visit(r.ms);
+    visit(r.judged);
+    visit(r.pixels);
+    visit(r.falseLit.atEdges);
+    visit(r.falseLit.elsewhere);
+    visit(r.falseShadow.atEdges);
+    visit(r.falseShadow.elsewhere);
+    visit(r.difference);
+    visit(r.unanswered);
+    visit(r.points);
+    visit(r.flips);
+    visit(r.ratio50);
+    visit(r.ratio99);
+    visit(r.usedShare);
+    visit(r.worstFrame);
+    visit(r.worstWrong);
+    visit(r.picture);
+}
+
+std::string settingsText(const std::vector<MethodField>& fields) {
+    nlohmann::json list = nlohmann::json::array();
+    for (const MethodField& field : fields) list.push_back({field.name, field.value, field.unit});
+    return list.dump();
+}
+
+/// None for a text that is not ours.
+std::optional<std::vector<MethodField>> fieldsFrom(const std::string& text) {
+    const auto list = nlohmann::json::parse(text, nullptr, false);
+    if (!list.is_array()) return std::nullopt;
+    std::vector<MethodField> fields;
+    for (const auto& entry : list) {
+        if (!entry.is_array() || entry.size() != 3) return std::nullopt;
+        for (const auto& part : entry)
+            if (!part.is_string()) return std::nullopt;
+        fields.push_back({entry[0], entry[1], entry[2]});
+    }
+    return fields;
+}
+
+std::string fileIn(const std::string& folder) { return (fs::path(folder) / "lab.sqlite").string(); }
+
+Error foreign(const std::string& file) {
+    return {ErrorCode::kBadData, file + ": is not of this lab, or damaged; give another --out, or take it away"};
+}
+
+/// SQLite's errors speak of worlds.
+Error told(Error error, const std::string& folder) {
+    return error.code == ErrorCode::kBadData ? foreign(fileIn(folder)) : error;
+}
+
+Result<int64_t> number(world::Database& database, const char* sql) {
+    auto statement = database.prepare(sql);
+    if (!statement) return statement.error();
+    const auto row = statement.value().step();
+    if (!row) return row.error();
+    return row.value() ? statement.value().integer(0) : 0;
+}
+
+Result<std::vector<FrameRecord>> framesOf(world::Database& database, uint64_t method) {
+    auto statement = database.prepare(
+        "SELECT frame, triangles, ms, pixels, false_lit, false_shadow, points, flips FROM frame WHERE method = ? "
+        "ORDER BY frame");
+    if (!statement) return statement.error();
+    statement.value().bind(0, static_cast<int64_t>(method));
+    std::vector<FrameRecord> frames;
+    for (;;) {
+        const auto row = statement.value().step();
+        if (!row) return row.error();
+        if (!row.value()) return frames;
+        FrameRecord frame;
+        Row columns(statement.value());
+        columns.take(frame.frame);
+        columns.take(frame.triangles);
+        columns.take(frame.ms);
+        if (!statement.value().isNull(3)) {
+            FrameRecord::Judged judged;
+            for (uint64_t* value : {&judged.pixels, &judged.falseLit, &judged.falseShadow, &judged.points, &judged.flips})
+                columns.take(*value);
+            frame.judged = judged;
+        }
+        frames.push_back(frame);
+    }
+}
+
+}  // namespace
+
+Result<Results> Results::open(const std::string& folder) {
+    Results results(folder);
+    std::error_code error;
+    if (!fs::exists(fileIn(folder), error)) {
+        if (fs::exists(folder, error) && !fs::is_directory(folder, error))
+            return Error{ErrorCode::kIo, folder + ": is a file; give another folder"};
+        return results;
+    }
+    if (const auto done = results.connect(); !done) return done.error();
+    return results;
+}
+
+Result<Done> Results::connect() {
+    auto opened = world::Database::openEmpty(fileIn(folder_));
+    if (!opened) return told(opened.error(), folder_);
+    world::Database& database = opened.value();
+    database.waitAtMost(world::kPatienceMs);
+    // Locked before it is looked at: two processes may find it empty.
+    if (const auto done = database.run("BEGIN IMMEDIATE"); !done) return told(done.error(), folder_);
+    const auto id = number(database, "PRAGMA application_id"), version = number(database, "PRAGMA user_version");
+    const auto tables = database.schema();
+    for (const auto* failed : {&id, &version})
+        if (!*failed) return told(failed->error(), folder_);
+    if (!tables) return told(tables.error(), folder_);
+    const bool empty = tables.value().empty() && id.value() == 0;
+    if (!empty && (id.value() != kLabId || version.value() != kLabVersion)) return foreign(fileIn(folder_));
+    if (empty) {
+        const auto made = database.run(std::string(kTables) + "PRAGMA application_id=" + std::to_string(kLabId) +
+                                       ";PRAGMA user_version=" + std::to_string(kLabVersion));
+        if (!made) return told(made.error(), folder_);
+    }
+    if (const auto done = database.run("COMMIT"); !done) return told(done.error(), folder_);
+    database_.emplace(std::move(database));
+    return Done{};
+}
+
+Result<std::vector<MethodRecord>> Results::read(const char* condition, uint64_t key) {
+    std::vector<MethodRecord> records;
+    if (!database_) return records;
+    auto statement = database_->prepare(
+        (std::string("SELECT key, name, settings, frames, texels, casters, triangles, draws, ms, judged, pixels, lit_at_edges, "
+                     "lit_elsewhere, shadow_at_edges, shadow_elsewhere, difference, unanswered, points, flips, ratio_50, "
+                     "ratio_99, used, worst_frame, worst_wrong, picture FROM method WHERE ") + condition +
+         " = ? ORDER BY name, key").c_str());
+    if (!statement) return told(statement.error(), folder_);
+    statement.value().bind(0, static_cast<int64_t>(key));
+    for (;;) {
+        const auto row = statement.value().step();
+        if (!row) return told(row.error(), folder_);
+        if (!row.value()) return records;
+        uint64_t method = 0;
+        std::string settings;
+        MethodRecord record;
+        Row columns(statement.value());
+        columns.take(method);
+        columns.take(record.name);
+        columns.take(settings);
+        eachColumn(record, [&](auto& value) { columns.take(value); });
+        auto fields = fieldsFrom(settings);
+        if (!fields) return foreign(fileIn(folder_));
+        record.fields = std::move(*fields);
+        auto frames = framesOf(*database_, method);
+        if (!frames) return told(frames.error(), folder_);
+        record.series = std::move(frames.value());
+        records.push_back(std::move(record));
+    }
+}
+
+Result<std::optional<MethodRecord>> Results::find(uint64_t method) {
+    auto found = read("key", method);
+    if (!found) return found.error();
+    if (found.value().empty()) return std::optional<MethodRecord>();
+    return std::optional(std::move(found.value().front()));
+}
+
+Result<std::vector<MethodRecord>> Results::methodsOf(const RunRecord& run) { return read("run", run.key); }
+
+Result<Done> Results::write(const RunRecord& run, uint64_t method, const MethodRecord& record) {
+    auto ofRun = database_->prepare(
+        "INSERT OR REPLACE INTO run VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+    auto ofMethod = database_->prepare(
+        "INSERT OR REPLACE INTO method VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+    auto cleared = database_->prepare("DELETE FROM frame WHERE method = ?");
+    auto drawn = database_->prepare("INSERT INTO frame(method, frame, triangles, ms) VALUES(?, ?, ?, ?)");
+    auto judged = database_->prepare("INSERT INTO frame VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?)");
+    for (const auto* statement : {&ofRun, &ofMethod, &cleared, &drawn, &judged})
+        if (!*statement) return statement->error();
+    const auto step = [](Result<Statement>& statement) -> Result<Done> {
+        if (const auto done = statement.value().step(); !done) return done.error();
+        statement.value().reset();
+        return Done{};
+    };
+    {
+        Row row(ofRun.value());
+        for (const uint64_t value : {run.key}) row.put(value);
+        for (const std::string* text : {&run.world, &run.path, &run.movers}) row.put(*text);
+        for (const uint64_t value : {uint64_t(run.frames), uint64_t(run.judged)}) row.put(value);
+        for (const double value : {run.begins, run.ends, run.farDistance, run.verticalFov, run.sun.x, run.sun.y, run.sun.z})
+            row.put(value);
+        row.put(run.width);
+        row.put(run.height);
+        row.put(run.device);
+        row.put(run.driver);
+        row.put(run.threads);
+    }
+    if (const auto done = step(ofRun); !done) return done;
+    const std::string settings = settingsText(record.fields);
+    {
+        Row row(ofMethod.value());
+        row.put(method);
+        row.put(run.key);
+        row.put(record.name);
+        row.put(settings);
+        eachColumn(record, [&](const auto& value) { row.put(value); });
+    }
+    if (const auto done = step(ofMethod); !done) return done;
+    cleared.value().bind(0, static_cast<int64_t>(method));
+    if (const auto done = step(cleared); !done) return done;
+    for (const FrameRecord& frame : record.series) {
+        Result<Statement>& statement = frame.judged ? judged : drawn;
+        Row row(statement.value());
+        for (const uint64_t value : {method, uint64_t(frame.frame), frame.triangles}) row.put(value);
+        row.put(frame.ms);
+        if (frame.judged)
+            for (const uint64_t value : {frame.judged->pixels, frame.judged->falseLit, frame.judged->falseShadow,
+                                         frame.judged->points, frame.judged->flips})
+                row.put(value);
+        if (const auto done = step(statement); !done) return done;
+    }
+    return Done{};
+}
+
+Result<Done> Results::save(const RunRecord& run, uint64_t method, const MethodRecord& record) {
+    if (!database_) {
+        std::error_code error;
+        fs::create_directories(folder_, error);
+        const std::string file = fileIn(folder_);
+        if (error || !std::ofstream(file, std::ios::app))
+            return Error{ErrorCode::kIo, file + ": cannot be made; give --out a folder that can be written, with room",
+                         error ? error.value() : errno};
+        if (const auto done = connect(); !done) return done;
+    }
+    if (const auto done = database_->run("BEGIN IMMEDIATE"); !done) return told(done.error(), folder_);
+    auto done = write(run, method, record);
+    if (done) done = database_->run("COMMIT");
+    if (done) return done;
+    (void)database_->run("ROLLBACK");  // the error that came first is the one to tell
+    return told(done.error(), folder_);
+}
+
+Result<std::string> Results::writePage(const RunRecord& run) {
+    const auto methods = methodsOf(run);
+    if (!methods) return methods.error();
+    const std::string path = (fs::path(folder_) / "lab.html").string();
+    if (const auto done = writeText(path, labPage(run, methods.value())); !done) return done.error();
+    return path;
+}
+
+}  // namespace tools::lab

@@ -1,0 +1,42 @@
+// tools/lab/results.h — a folder of results: lab.sqlite, which outlives interrupted runs, and the page made from it.
+// docs/lab.md has every table and column.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tools/lab/record.h"
+#include "world/database.h"
+#include "world/result.h"
+
+namespace tools::lab {
+
+/// A method is there whole or not at all: what a killed process had not ended is not there. Several processes may
+/// share a folder; each waits for the others' writes. One thread at a time.
+class Results {
+public:
+    /// Makes nothing: a folder that is not there holds no results. kBadData for a lab.sqlite that is something else,
+    /// kIo.
+    static world::Result<Results> open(const std::string& folder);
+
+    /// A method's row, by `methodKey`; none where it has not been run.
+    world::Result<std::optional<MethodRecord>> find(uint64_t method);
+    /// Those of the run, by name.
+    world::Result<std::vector<MethodRecord>> methodsOf(const RunRecord& run);
+    /// Makes folder and file where they are missing, and writes both in one transaction. Replaces what is there of the same
+    /// keys.
+    world::Result<world::Done> save(const RunRecord& run, uint64_t method, const MethodRecord& record);
+    /// Writes lab.html, whole or not at all, with all methods of the run. Its path.
+    world::Result<std::string> writePage(const RunRecord& run);
+
+private:
+    explicit Results(std::string folder) : folder_(std::move(folder)) {}
+    world::Result<world::Done> connect();
+    world::Result<world::Done> write(const RunRecord& run, uint64_t method, const MethodRecord& record);
+    world::Result<std::vector<MethodRecord>> read(const char* condition, uint64_t key);
+    std::string folder_;
+    std::optional<world::Database> database_;  ///< none: there is no file
+};
+
+}  // namespace tools::lab
