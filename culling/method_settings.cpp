@@ -44,6 +44,7 @@ using Field = std::variant<int*, double*, bool*, std::vector<double>*, Fit*, Dep
 struct NamedField {
     std::string name;
     Field field;
+    std::string unit{};
 };
 
 std::vector<NamedField> fieldsOf(ShadowMethod& m) {
@@ -54,27 +55,27 @@ std::vector<NamedField> fieldsOf(ShadowMethod& m) {
             {"snapped", &m.snapped},
             {"depths", &m.depth},
             {"selection", &m.selection},
-            {"side", &m.side},
-            {"depth-bits", &m.depthBits},
+            {"side", &m.side, "texels"},
+            {"depth-bits", &m.depthBits, "bits"},
             {"atlas", &m.atlas},
-            {"radii", &m.radii},
+            {"radii", &m.radii, "m"},
             {"facets", &m.facets},
-            {"facet-detail", &m.facetDetail},
-            {"level-error", &m.levelError},
+            {"facet-detail", &m.facetDetail, "of the reach"},
+            {"level-error", &m.levelError, "texels"},
             {"static-map", &m.staticMap},
-            {"bias-constant", &m.bias.constant},
+            {"bias-constant", &m.bias.constant, "texels"},
             {"bias-slope", &m.bias.slope},
-            {"bias-receiver", &m.bias.receiver},
+            {"bias-receiver", &m.bias.receiver, "texels"},
             {"bias-gradient", &m.bias.gradient},
-            {"bias-gradient-most", &m.bias.gradientMost},
-            {"bias-normal", &m.bias.normalOffset},
+            {"bias-gradient-most", &m.bias.gradientMost, "texels"},
+            {"bias-normal", &m.bias.normalOffset, "texels"},
             {"filter", &m.filter},
             {"blend", &m.blend},
             {"fade", &m.fade},
             {"keep", &m.keep},
             {"mended-scroll", &m.mendedScroll},
-            {"guard-band", &m.guardBand},
-            {"rays", &m.rays}};
+            {"guard-band", &m.guardBand, "texels"},
+            {"rays", &m.rays, "a cluster"}};
 }
 
 std::string toText(int value) { return std::to_string(value); }
@@ -138,7 +139,7 @@ std::vector<MethodSetting> settingsOf(const ShadowMethod& method) {
     ShadowMethod copy = method;
     std::vector<MethodSetting> settings;
     for (const NamedField& f : fieldsOf(copy))
-        settings.push_back({f.name, std::visit([](const auto* value) { return toText(*value); }, f.field)});
+        settings.push_back({f.name, std::visit([](const auto* value) { return toText(*value); }, f.field), f.unit});
     return settings;
 }
 

@@ -12,6 +12,8 @@ namespace culling {
 
 struct MethodSetting {
     std::string name, value;  ///< "filter", "box3"
+    std::string unit{};       ///< empty for words and plain numbers
+    friend bool operator==(const MethodSetting&, const MethodSetting&) = default;
 };
 
 /// All of a method's but its name, always in the same order; numbers so that they read back to the last bit.

@@ -1,13 +1,15 @@
 #include "tools/lab_command.h"
 
-#include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <optional>
 #include <sstream>
 #include <string>
+#include <utility>
 
+#include "tools/lab/judge_all.h"
 #include "tools/lab/session.h"
 #include "tools/method_file.h"
 #include "tools/progress.h"
@@ -20,6 +22,7 @@ using world::Result;
 struct LabOptions {
     lab::SessionOptions session;
     std::string methods;
+    std::string out;  ///< empty: NAME.lab
 };
 
 Result<std::vector<culling::ShadowMethod>> methodsOf(const std::string& names) {
@@ -38,47 +41,35 @@ Result<std::vector<culling::ShadowMethod>> methodsOf(const std::string& names) {
     return methods;
 }
 
-void printHead() {
-    std::printf("%-18s %10s %10s %9s %9s | %9s %9s %9s %9s %9s | %10s | %6s %6s %6s %7s\n", "method", "triangles", "texels",
-                "draws", "ms", "lit %", "at edges", "shadow %", "at edges", "mean off", "flips/M", "p50", "p99", "used %",
-                "no map %");
-}
-
-void print(const lab::MethodResult& r) {
-    const lab::Measures& m = r.measures;
-    const double frames = double(r.frames);
-    const auto share = [&](uint64_t n) { return 100 * m.share(n); };
-    std::vector<double> ms = r.ms;
-    std::nth_element(ms.begin(), ms.begin() + std::ptrdiff_t(ms.size() / 2), ms.end());
-    std::printf("%-18s %10.0f %10.0f %9.0f %9.2f | %9.4f %9.4f %9.4f %9.4f %9.5f | %10.1f | %6.2f %6.2f %6.2f %7.3f\n",
-                r.method.name.c_str(), double(r.cost.triangles) / frames, double(r.cost.texels) / frames,
-                double(r.cost.draws) / frames, ms[ms.size() / 2], share(m.falseLit.all()), share(m.falseLit.atEdges),
-                share(m.falseShadow.all()), share(m.falseShadow.atEdges), m.difference / double(m.pixels),
-                m.flipsPerMillion(), m.texelRatio(0.5), m.texelRatio(0.99), 100 * m.usedShare / double(m.frames),
-                share(m.unanswered));
-}
-
 Result<int> runLab(const LabOptions& options) {
     auto methods = methodsOf(options.methods);
     if (!methods) return methods.error();
     const auto session = lab::openSession(options.session);
     if (!session) return session.error();
-    const lab::Session& s = *session.value();
-    const auto truth = lab::truthOf(s, options.session);
-    if (!truth) return truth.error();
-    printHead();
+    lab::Session& s = *session.value();
+    s.run.methods = std::move(methods.value());
+    auto truths = lab::openTruths(options.session);
+    if (!truths) return truths.error();
     std::optional<Progress> progress;
-    const auto follow = [&](const culling::ShadowMethod& method) {
-        progress.emplace(method.name, std::cerr, stderrIsTerminal());
+    const auto follow = [&](const std::string& name) -> lab::Follow {
+        progress.emplace(name, std::cerr, stderrIsTerminal());
         return [&progress](size_t done, size_t total) { progress->at(done, total); };
     };
-    for (const culling::ShadowMethod& method : methods.value()) {
-        const auto result = lab::judgeMethod(*s.setting, s.poses, truth.value(), method, follow(method));
+    bool headed = false;
+    const auto show = [&](const lab::MethodRecord& method) {
         progress.reset();
-        if (!result) return result.error();
-        print(result.value());
+        if (!std::exchange(headed, true)) std::printf("%s\n", lab::tableHead().c_str());
+        std::printf("%s\n", lab::tableRow(method).c_str());
         std::fflush(stdout);
-    }
+    };
+    const std::string& world = options.session.world;
+    const std::string out = options.out.empty() ? std::filesystem::path(world).stem().string() + ".lab" : options.out;
+    const auto page = lab::judgeAll(*s.setting, {world, options.session.path, options.session.movers}, s.poses, s.run,
+                                    truths.value(), out, show, follow);
+    progress.reset();
+    for (const std::string& line : truths.value().damage()) std::cerr << line << '\n';
+    if (!page) return page.error();
+    std::printf("\n%s shows them.\n", page.value().c_str());
     return 0;
 }
 
@@ -91,6 +82,8 @@ Command addLabCommand(CLI::App& app) {
     parser->add_option("--methods", options->methods,
                        "names, with commas between them, each with settings if you like: gnomon,gnomon:filter=box3:side=2048, "
                        "or files NAME.toml; all by default");
+    parser->add_option("--out", options->out, "folder for lab.html and lab.sqlite; NAME.lab by default. What is there already "
+                                              "is not run again");
     return {parser, [options] { return runLab(*options); }};
 }
 

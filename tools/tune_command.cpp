@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <iostream>
 #include <memory>
+#include <optional>
 
 #include "tools/lab/session.h"
 #include "tools/lab/tune.h"
@@ -37,18 +38,23 @@ Result<int> runTune(const TuneOptions& options) {
     const auto session = lab::openSession(options.session);
     if (!session) return session.error();
     const lab::Session& s = *session.value();
-    const auto truth = lab::truthOf(s, options.session);
+    auto truths = lab::openTruths(options.session);
+    if (!truths) return truths.error();
+    std::optional<Progress> progress(std::in_place, "truth", std::cerr, stderrIsTerminal());
+    const auto truth = lab::traceTruth(*s.setting, s.poses, lab::judgedFrames(s.poses.size(), s.run.every), s.run, truths.value(),
+                                       [&](size_t done, size_t total) { progress->at(done, total); });
+    for (const std::string& line : truths.value().damage()) progress->say(line);
     if (!truth) return truth.error();
-
-    Progress progress("tune", std::cerr, stderrIsTerminal());
+    progress.emplace("tune", std::cerr, stderrIsTerminal());
     size_t tried = 0;
     const auto tuned = lab::tune(start.value(), options.limits, options.trials, [&](const ShadowMethod& method) -> Result<lab::Trial> {
         const auto result = lab::judgeMethod(*s.setting, s.poses, truth.value(), method, [](size_t, size_t) {});
         if (!result) return result.error();
-        progress.at(++tried, options.trials);
+        progress->at(++tried, options.trials);
         return lab::trialOf(result.value());
     });
     if (!tuned) return tuned.error();
+    progress.reset();
     const std::string text = lab::tuneText(tuned.value(), options.limits);
     std::cout << text;
     if (!tuned.value().met) return 1;

@@ -77,6 +77,7 @@ TEST_F(Commands, BadOptionsAreUsage) {
     expectRefusal("bake", 2, "source");
     expectRefusal("bake x.glb", 2, "--output");
     expectRefusal("replay a.world", 2, "--path");
+    expectRefusal("lab a.world", 2, "--path");
     expectRefusal("replay a.world --path p --bogus", 2, "--bogus");
     expectRefusal("replay a.world --path p --method magic", 2, "magic");
     expectRefusal("replay a.world --path p --occlusion maybe", 2, "maybe");
@@ -183,6 +184,9 @@ TEST_F(Commands, ASmallWorldIsBakedShownAndGuardsItsReplays) {
     expectRefusal("replay small.world --path near.tum --device no-such-device", 3, "no-such-device");
     expectRefusal("replay small.world --path near.tum --out scene.gltf", 3, "scene.gltf");
     expectRefusal("replay small.world --path near.tum --out a/b --dump scene.gltf/c", 3, "scene.gltf");
+    expectRefusal("lab small.world --path near.tum --methods gnomom", 2, "gnomon");
+    expectRefusal("lab small.world --path near.tum --frames 0:1", 2, "one frame");
+    expectRefusal("lab small.world --path near.tum --out scene.gltf", 3, "scene.gltf");
 }
 
 TEST_F(Commands, EditsAreToldOneByOneAndBadOnesByTheirLine) {

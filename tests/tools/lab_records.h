@@ -35,7 +35,7 @@ inline tools::lab::MethodRecord someMethod(const std::string& name, uint32_t see
     const auto real = [&rng] { return double(rng()) / 1e7; };
     tools::lab::MethodRecord r;
     r.name = name;
-    r.fields = tools::lab::fieldsOf(culling::ShadowMethod{.name = name});
+    r.fields = culling::settingsOf(culling::ShadowMethod{.name = name});
     for (uint64_t* value : {&r.cost.texels, &r.cost.casters, &r.cost.triangles, &r.cost.draws, &r.pixels, &r.falseLit.atEdges,
                             &r.falseLit.elsewhere, &r.falseShadow.atEdges, &r.falseShadow.elsewhere, &r.unanswered, &r.points,
                             &r.flips, &r.worstWrong})

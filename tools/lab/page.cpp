@@ -38,7 +38,7 @@ Json jsonOf(const RunRecord& run) {
 
 Json jsonOf(const MethodRecord& r) {
     Json fields = Json::array(), series = Json::array();
-    for (const MethodField& f : r.fields) fields.push_back({f.name, f.value, f.unit});
+    for (const culling::MethodSetting& f : r.fields) fields.push_back({f.name, f.value, f.unit});
     for (const FrameRecord& f : r.series) {
         Json frame{f.frame, f.triangles, f.ms};
         if (f.judged)

@@ -86,7 +86,7 @@ world::Result<MethodRecord> recordOf(const MethodResult& result) {
     const Measures& m = result.measures;
     MethodRecord record;
     record.name = result.method.name;
-    record.fields = fieldsOf(result.method);
+    record.fields = culling::settingsOf(result.method);
     record.frames = result.frames;
     record.cost = result.cost;
     record.ms = median(result.ms);
@@ -120,7 +120,7 @@ world::Result<MethodRecord> recordOf(const MethodResult& result) {
 
 uint64_t methodKey(const RunRecord& run, const culling::ShadowMethod& method) {
     uint64_t key = hashText(method.name, run.key);
-    for (const MethodField& field : fieldsOf(method)) key = hashText(field.value, hashText(field.name, key));
+    for (const culling::MethodSetting& field : culling::settingsOf(method)) key = hashText(field.value, hashText(field.name, key));
     return key;
 }
 

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "tools/lab/method_fields.h"
+#include "culling/method_settings.h"
 #include "tools/lab/run.h"
 
 namespace tools::lab {
@@ -56,7 +56,7 @@ struct FrameRecord {
 /// What came out for a method. Sums are over `frames` drawn or `judged` ones; see Measures.
 struct MethodRecord {
     std::string name;
-    std::vector<MethodField> fields;
+    std::vector<culling::MethodSetting> fields;
     size_t frames = 0;
     cache::Cost cost;
     double ms = 0;  ///< median over the frames; the only figure that is not deterministic

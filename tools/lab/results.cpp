@@ -85,17 +85,17 @@ void eachColumn(Record& r, Visit visit) {
     visit(r.picture);
 }
 
-std::string settingsText(const std::vector<MethodField>& fields) {
+std::string settingsText(const std::vector<culling::MethodSetting>& fields) {
     nlohmann::json list = nlohmann::json::array();
-    for (const MethodField& field : fields) list.push_back({field.name, field.value, field.unit});
+    for (const culling::MethodSetting& field : fields) list.push_back({field.name, field.value, field.unit});
     return list.dump();
 }
 
 /// None for a text that is not ours.
-std::optional<std::vector<MethodField>> fieldsFrom(const std::string& text) {
+std::optional<std::vector<culling::MethodSetting>> fieldsFrom(const std::string& text) {
     const auto list = nlohmann::json::parse(text, nullptr, false);
     if (!list.is_array()) return std::nullopt;
-    std::vector<MethodField> fields;
+    std::vector<culling::MethodSetting> fields;
     for (const auto& entry : list) {
         if (!entry.is_array() || entry.size() != 3) return std::nullopt;
         for (const auto& part : entry)

@@ -1,10 +1,8 @@
 #include "tools/lab/session.h"
 
 #include <filesystem>
-#include <iostream>
 
 #include "tools/options.h"
-#include "tools/progress.h"
 #include "tools/replay.h"
 
 namespace tools::lab {
@@ -82,14 +80,8 @@ Result<std::unique_ptr<Session>> openSession(const SessionOptions& options) {
     return session;
 }
 
-Result<std::vector<TruthPair>> truthOf(const Session& session, const SessionOptions& options) {
-    auto kept = TruthStore::open(std::filesystem::path(options.world).stem().string() + ".truth");
-    if (!kept) return kept.error();
-    Progress progress("truth", std::cerr, stderrIsTerminal());
-    auto truth = traceTruth(*session.setting, session.poses, judgedFrames(session.poses.size(), session.run.every), session.run,
-                            kept.value(), [&](size_t done, size_t total) { progress.at(done, total); });
-    for (const std::string& line : kept.value().damage()) progress.say(line);
-    return truth;
+Result<TruthStore> openTruths(const SessionOptions& options) {
+    return TruthStore::open(std::filesystem::path(options.world).stem().string() + ".truth");
 }
 
 }  // namespace tools::lab

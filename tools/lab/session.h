@@ -36,8 +36,7 @@ struct Session {
 /// Errors of what it reads, naming file or option; kUsage for a path of one frame, or far from the world.
 world::Result<std::unique_ptr<Session>> openSession(const SessionOptions& options);
 
-/// The truth of the session's judged frames, from NAME.truth beside where the command was called, or traced and kept
-/// there. Progress and damage go to stderr.
-world::Result<std::vector<TruthPair>> truthOf(const Session& session, const SessionOptions& options);
+/// NAME.truth beside where the command was called, made where there is none.
+world::Result<TruthStore> openTruths(const SessionOptions& options);
 
 }  // namespace tools::lab

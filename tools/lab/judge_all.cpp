@@ -1,0 +1,44 @@
+#include "tools/lab/judge_all.h"
+
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "tools/lab/results.h"
+
+namespace tools::lab {
+
+world::Result<std::string> judgeAll(const Setting& setting, const RunFiles& files, std::span<const world::Pose> poses,
+                                    const RunConfig& config, TruthStore& truths, const std::string& folder,
+                                    const std::function<void(const MethodRecord&)>& onMethod,
+                                    const std::function<Follow(const std::string&)>& follow) {
+    const auto judged = judgedFrames(poses.size(), config.every);
+    const auto run = describe(setting, files, poses, judged, config);
+    if (!run) return run.error();
+    auto results = Results::open(folder);
+    if (!results) return results.error();
+    std::optional<std::vector<TruthPair>> truth;  // traced when a method first needs it
+    for (const culling::ShadowMethod& method : config.methods) {
+        const uint64_t key = methodKey(run.value(), method);
+        const auto kept = results.value().find(key);
+        if (!kept) return kept.error();
+        if (kept.value()) {
+            onMethod(*kept.value());
+            continue;
+        }
+        if (!truth) {
+            auto traced = traceTruth(setting, poses, judged, config, truths, follow("truth"));
+            if (!traced) return traced.error();
+            truth = std::move(traced.value());
+        }
+        const auto result = judgeMethod(setting, poses, *truth, method, follow(method.name));
+        if (!result) return result.error();
+        const auto record = recordOf(result.value());
+        if (!record) return record.error();
+        if (const auto saved = results.value().save(run.value(), key, record.value()); !saved) return saved.error();
+        onMethod(record.value());
+    }
+    return results.value().writePage(run.value());
+}
+
+}  // namespace tools::lab
