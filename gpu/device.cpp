@@ -123,8 +123,9 @@ std::optional<uint32_t> graphicsFamily(VkPhysicalDevice physical) {
     vkGetPhysicalDeviceQueueFamilyProperties(physical, &count, nullptr);
     std::vector<VkQueueFamilyProperties> families(count);
     vkGetPhysicalDeviceQueueFamilyProperties(physical, &count, families.data());
+    constexpr VkQueueFlags kNeeded = VK_QUEUE_GRAPHICS_BIT | VK_QUEUE_COMPUTE_BIT;
     for (uint32_t i = 0; i < count; ++i)
-        if (families[i].queueFlags & VK_QUEUE_GRAPHICS_BIT) return i;
+        if ((families[i].queueFlags & kNeeded) == kNeeded) return i;
     return std::nullopt;
 }
 
@@ -133,7 +134,7 @@ std::string lackOf(VkPhysicalDevice physical) {
     VkPhysicalDeviceProperties properties;
     vkGetPhysicalDeviceProperties(physical, &properties);
     if (properties.apiVersion < VK_API_VERSION_1_3) return "Vulkan 1.3";
-    if (!graphicsFamily(physical)) return "a graphics queue";
+    if (!graphicsFamily(physical)) return "a queue for graphics and compute";
 
     VkPhysicalDeviceVulkan13Features has13{};
     has13.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_FEATURES;
@@ -143,6 +144,7 @@ std::string lackOf(VkPhysicalDevice physical) {
     vkGetPhysicalDeviceFeatures2(physical, &has);
     if (!has13.dynamicRendering) return "dynamicRendering";
     if (!has13.synchronization2) return "synchronization2";
+    if (!has13.maintenance4) return "maintenance4";
     if (!has.features.multiDrawIndirect) return "multiDrawIndirect";
     if (!has.features.drawIndirectFirstInstance) return "drawIndirectFirstInstance";
     if (!has.features.depthClamp) return "depthClamp";
@@ -238,6 +240,7 @@ void readLimits(Device::Impl& impl) {
         std::min({limits.maxImageDimension2D, limits.maxFramebufferWidth, limits.maxFramebufferHeight,
                   limits.maxViewportDimensions[0], limits.maxViewportDimensions[1]});
     impl.maxIndirectDraws = limits.maxDrawIndirectCount;
+    impl.maxStorageBytes = limits.maxStorageBufferRange;
 
     uint32_t count = 0;
     vkGetPhysicalDeviceQueueFamilyProperties(impl.physical, &count, nullptr);
@@ -261,6 +264,7 @@ Result<Done> makeDevice(Device::Impl& impl) {
     features13.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_FEATURES;
     features13.dynamicRendering = VK_TRUE;
     features13.synchronization2 = VK_TRUE;
+    features13.maintenance4 = VK_TRUE;  // SPIR-V 1.6 says the size of a compute group in its way
     VkPhysicalDeviceFeatures2 features{};
     features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
     features.pNext = &features13;

@@ -17,7 +17,7 @@ struct DeviceConfig {
     std::string nameContains;  ///< pick the first device whose name contains this; empty: see below
 };
 
-/// A device with a graphics queue, dynamic rendering, synchronization2, multi-draw-indirect,
+/// A device with a queue for graphics and compute, dynamic rendering, synchronization2, multi-draw-indirect,
 /// drawIndirectFirstInstance, depth clamp and maps of both formats. Picks a discrete GPU before an
 /// integrated one before a software one unless told otherwise. Nothing Vulkan leaks into this header.
 class Device {

@@ -34,6 +34,7 @@ struct Device::Impl {
     uint64_t maxAllocationBytes = 0;
     uint32_t maxSide = 0;           ///< of an image and a viewport [texels]
     uint32_t maxIndirectDraws = 0;  ///< per call
+    uint64_t maxStorageBytes = 0;   ///< of a buffer, as a shader sees it
     double timestampMs = 0;         ///< one tick of a timestamp [ms]; 0 if there are none
     uint64_t timestampMask = 0;     ///< of the bits that count
 

@@ -58,6 +58,8 @@ public:
     void barrier();
     /// Makes what was copied to `buffer` visible to the CPU after the fence.
     void toHost(const Buffer& buffer);
+    /// Copies and compute shaders after it use `buffer` when those before it are done, and see what they wrote.
+    void order(const Buffer& buffer);
     /// Takes a timestamp when all commands before it are done, the first one at once; its number.
     uint32_t stamp();
 
@@ -74,7 +76,12 @@ private:
         DepthMap* map = nullptr;
         Use before = Use::kNew;
     };
+    struct BufferUse {
+        VkPipelineStageFlags2 stages = 0;
+        VkAccessFlags2 access = 0;
+    };
     explicit Frame(Device::Impl& device) : device_(&device) {}
+    void wait(const Buffer& buffer, const BufferUse& before, const BufferUse& after);
 
     Device::Impl* device_;
     std::string name_;

@@ -47,17 +47,20 @@ Result<Buffer> createBuffer(Device::Impl& device, uint64_t bytes, VkBufferUsageF
 
     // Reading device memory over the bus, uncached, would take longer than the frame.
     const VkMemoryPropertyFlags best =
-        home == Home::kUpload ? VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT : VK_MEMORY_PROPERTY_HOST_CACHED_BIT;
-    const VkMemoryPropertyFlags wishes[] = {best | kMapped, kMapped};
+        home == Home::kReadback ? VK_MEMORY_PROPERTY_HOST_CACHED_BIT : VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT;
+    const VkMemoryPropertyFlags least = home == Home::kDevice ? 0 : kMapped;
+    const VkMemoryPropertyFlags wishes[] = {best | least, least};
     auto memory = allocate(device, needs, wishes, name);
     if (!memory) return memory.error();
     const VkResult bound =
         vkBindBufferMemory(device.owner.device, handle.value().raw(), memory.value().raw(), 0);
     if (bound != VK_SUCCESS) return refused(bound, "vkBindBufferMemory", name);
     void* mapped = nullptr;
-    const VkResult result =
-        vkMapMemory(device.owner.device, memory.value().raw(), 0, VK_WHOLE_SIZE, 0, &mapped);
-    if (result != VK_SUCCESS) return refused(result, "vkMapMemory", name);
+    if (home != Home::kDevice) {
+        const VkResult result =
+            vkMapMemory(device.owner.device, memory.value().raw(), 0, VK_WHOLE_SIZE, 0, &mapped);
+        if (result != VK_SUCCESS) return refused(result, "vkMapMemory", name);
+    }
     return Buffer{std::move(memory.value()), std::move(handle.value()), static_cast<std::byte*>(mapped),
                   bytes};
 }

@@ -9,10 +9,11 @@
 
 namespace gpu {
 
-/// Who touches a buffer's memory. All of it is coherent and mapped for as long as the buffer lives.
+/// Who touches a buffer's memory. What the CPU touches is coherent and mapped for as long as the buffer lives.
 enum class Home {
     kUpload,    ///< written by the CPU in order, read by the GPU: in device memory where that can be mapped
     kReadback,  ///< written by the GPU, read by the CPU
+    kDevice,    ///< the GPU's alone
 };
 
 struct Buffer {

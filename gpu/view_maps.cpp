@@ -9,6 +9,7 @@
 #include "gpu/draw_list.h"
 #include "gpu/frame.h"
 #include "gpu/geometry_store.h"
+#include "gpu/map_moves.h"
 #include "world/check.h"
 
 namespace gpu {
@@ -40,6 +41,7 @@ struct ViewMaps::Impl {
     GrowingBuffer instances, commands;
     Readback readback;
     std::vector<DepthMap> maps;
+    std::optional<MapMoves> moves;  ///< made when a plan first has some
     DrawList drawList;
     std::vector<DepthPass::View> views;  ///< of the plan that is drawn
     Frame frame;                         ///< last, so that its destructor waits before the rest goes
@@ -82,6 +84,7 @@ Result<std::unique_ptr<ViewMaps>> ViewMaps::create(Device& device, const ViewMap
                                         .commands = std::move(commands.value()),
                                         .readback = std::move(readback.value()),
                                         .maps = std::move(maps),
+                                        .moves = {},
                                         .drawList = {},
                                         .views = {},
                                         .frame = std::move(frame.value())});
@@ -132,9 +135,10 @@ void ViewMaps::Impl::record(VkCommandBuffer commandBuffer, const ViewPlan& plan,
         const ViewPass& pass = plan.passes[p];
         CHECK(pass.firstItem <= plan.items.size() && pass.itemCount <= plan.items.size() - pass.firstItem);
         draws.at(size_t(pass.map))
-            .push_back({whole, drawList.add(std::span(plan.items).subspan(pass.firstItem, pass.itemCount),
+            .push_back({pass.scissor.value_or(whole), drawList.add(std::span(plan.items).subspan(pass.firstItem, pass.itemCount),
                                             geometry.ranges(), plan.transforms), &views[p]});
     }
+    for (const MapMove& move : plan.moves) moves->record(frame, commandBuffer, maps, move);
     for (size_t m = 0; m < maps.size(); ++m)
         if (!clears[m].empty() || !draws[m].empty()) frame.need(maps[m], Use::kAttachment);
     frame.barrier();
@@ -150,6 +154,11 @@ Result<ViewTimes> ViewMaps::draw(const ViewPlan& plan) {
     size_t items = 0;  // an item may be drawn by several passes
     for (const ViewPass& pass : plan.passes) items += pass.itemCount;
     if (const auto room = impl.reserve(items); !room) return room.error();
+    if (!plan.moves.empty() && !impl.moves) {
+        auto moves = MapMoves::create(impl.device, static_cast<uint32_t>(impl.config.side), impl.config.format);
+        if (!moves) return moves.error();
+        impl.moves = std::move(moves.value());
+    }
     const auto commandBuffer = impl.frame.begin();
     if (!commandBuffer) return commandBuffer.error();
     impl.record(commandBuffer.value(), plan, items);

@@ -1,5 +1,5 @@
-// gpu/view_maps.h — depth maps of any kind of view, drawn whole: what methods without a cache do. A
-// ViewPlan says what is drawn; the GPU only obeys.
+// gpu/view_maps.h — depth maps of any kind of view, drawn whole, or moved and drawn in part: what methods other than
+// the cache do. A ViewPlan says what is drawn; the GPU only obeys.
 #pragma once
 
 #include <array>
@@ -7,6 +7,7 @@
 #include <glm/glm.hpp>
 #include <glm/mat3x4.hpp>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "cache/frame_plan.h"
@@ -26,10 +27,22 @@ struct ViewPass {
     std::array<glm::vec3, 2> wedge{};
     float slopeBias = 0;  ///< times the slope of a triangle's depth over a texel, added to it
     uint32_t firstItem = 0, itemCount = 0;  ///< into ViewPlan::items
+    std::optional<cache::StoreRect> scissor{};  ///< none: the whole map
 };
 
-/// First the clears, then the passes, in their order.
+/// A map's depths go to another map, or to other texels of the same.
+/// Source: Day, "CSM Scrolling", 2012, section 4.
+struct MapMove {
+    int from = 0, to = 0;
+    glm::ivec2 by{0};  ///< texel t comes to t + by; texels of `to` that nothing comes to are emptied
+    /// Of 1 / 65535, added to each depth. An empty texel, exactly 1, stays empty whatever they are; what would be
+    /// nearer than a caster can leave becomes kNearestDepth, and what reaches 1 is empty from then on.
+    int units = 0;
+};
+
+/// First the moves, one after the other, then the clears, then the passes, in their order.
 struct ViewPlan {
+    std::vector<MapMove> moves;
     /// Rows x, y, z of the affine map from a mesh's own frame to a view's.
     std::vector<glm::mat3x4> transforms;
     std::vector<cache::DrawItem> items;

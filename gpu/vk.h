@@ -71,6 +71,12 @@ inline VkResult createPipeline(VkDevice device, const VkGraphicsPipelineCreateIn
     return vkCreateGraphicsPipelines(device, VK_NULL_HANDLE, 1, info, callbacks, pipeline);
 }
 
+/// Likewise for one compute pipeline.
+inline VkResult createComputePipeline(VkDevice device, const VkComputePipelineCreateInfo* info,
+                                      const VkAllocationCallbacks* callbacks, VkPipeline* pipeline) {
+    return vkCreateComputePipelines(device, VK_NULL_HANDLE, 1, info, callbacks, pipeline);
+}
+
 using MemoryHandle = Handle<VkDeviceMemory, VkMemoryAllocateInfo, vkAllocateMemory, vkFreeMemory,
                             VK_OBJECT_TYPE_DEVICE_MEMORY, "vkAllocateMemory">;
 using BufferHandle = Handle<VkBuffer, VkBufferCreateInfo, vkCreateBuffer, vkDestroyBuffer,
@@ -86,6 +92,15 @@ using PipelineLayoutHandle =
            VK_OBJECT_TYPE_PIPELINE_LAYOUT, "vkCreatePipelineLayout">;
 using PipelineHandle = Handle<VkPipeline, VkGraphicsPipelineCreateInfo, createPipeline, vkDestroyPipeline,
                               VK_OBJECT_TYPE_PIPELINE, "vkCreateGraphicsPipelines">;
+using ComputePipelineHandle =
+    Handle<VkPipeline, VkComputePipelineCreateInfo, createComputePipeline, vkDestroyPipeline,
+           VK_OBJECT_TYPE_PIPELINE, "vkCreateComputePipelines">;
+using SetLayoutHandle = Handle<VkDescriptorSetLayout, VkDescriptorSetLayoutCreateInfo, vkCreateDescriptorSetLayout,
+                               vkDestroyDescriptorSetLayout, VK_OBJECT_TYPE_DESCRIPTOR_SET_LAYOUT,
+                               "vkCreateDescriptorSetLayout">;
+using DescriptorPoolHandle =
+    Handle<VkDescriptorPool, VkDescriptorPoolCreateInfo, vkCreateDescriptorPool, vkDestroyDescriptorPool,
+           VK_OBJECT_TYPE_DESCRIPTOR_POOL, "vkCreateDescriptorPool">;
 using CommandPoolHandle = Handle<VkCommandPool, VkCommandPoolCreateInfo, vkCreateCommandPool,
                                  vkDestroyCommandPool, VK_OBJECT_TYPE_COMMAND_POOL, "vkCreateCommandPool">;
 using FenceHandle =

@@ -1,6 +1,8 @@
-// Maps of any view: depths and edges against planes seen through warps, half planes, biases, and what stays.
+// Maps of any view: depths and edges against planes seen through warps, half planes, scissors, biases, what stays, and
+// where moves put it.
 #include "gpu/view_maps.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "tests/gpu/scene.h"
@@ -53,10 +55,45 @@ protected:
         EXPECT_TRUE(depths) << depths.error().what;
         return depths.value();
     }
+    /// All over map 0: triangles at all depths, and gaps between them.
+    std::vector<float> drawTriangles(std::mt19937& rng) {
+        const auto id = maps->upload(gpu::test::triangleSoup(rng, 12));
+        EXPECT_TRUE(id) << id.error().what;
+        ViewPlan plan;
+        plan.transforms = {{glm::vec4(1, 0, 0, 0), glm::vec4(0, 1, 0, 0), glm::vec4(0, 0, 1.2f, 0.5f)}};
+        plan.items = {{id.value(), 0, 36, 0}};
+        plan.clears = {0};
+        plan.passes = {ViewPass{.map = 0, .itemCount = 1}};
+        std::vector<float> depths = draw(plan);
+        const auto near = std::count(depths.begin(), depths.end(), cache::kNearestDepth);
+        const auto empty = std::count(depths.begin(), depths.end(), cache::kEmptyDepth);
+        const auto between = std::ptrdiff_t(depths.size()) - near - empty;
+        EXPECT_TRUE(near > 20 && empty > 100 && between > 400) << near << ", " << empty << ", " << between;
+        return depths;
+    }
     static constexpr int kSide = 64;
     std::unique_ptr<gpu::Device> device;
     std::unique_ptr<gpu::ViewMaps> maps;
 };
+
+/// What a depth becomes, one by one: as whole numbers of units, or as floats.
+float movedDepth(float depth, int units, DepthFormat format) {
+    if (depth == cache::kEmptyDepth) return depth;
+    if (format == DepthFormat::kD32)
+        return std::clamp(depth + float(units / 65535.0), cache::kNearestDepth, cache::kEmptyDepth);
+    return float(std::clamp(std::lround(depth * 65535.0) + units, 1l, 65535l)) / 65535.0f;
+}
+
+std::vector<float> movedMap(const std::vector<float>& from, const gpu::MapMove& move, int side, DepthFormat format) {
+    std::vector<float> to(from.size(), cache::kEmptyDepth);
+    for (int y = 0; y < side; ++y)
+        for (int x = 0; x < side; ++x) {
+            const glm::ivec2 t = glm::ivec2(x, y) - move.by;
+            if (t.x >= 0 && t.y >= 0 && t.x < side && t.y < side)
+                to[size_t(y * side + x)] = movedDepth(from[size_t(t.y * side + t.x)], move.units, format);
+        }
+    return to;
+}
 
 double stored(double depth) { return cache::kNearestDepth + (1 - cache::kNearestDepth) * std::clamp(depth, 0.0, 1.0); }
 
@@ -171,6 +208,69 @@ TEST_F(ViewMapsTest, WhatIsNotClearedStays) {
     EXPECT_NEAR(draw(farther, 0).front(), stored(0.875), 1.0 / 65535);
     EXPECT_EQ(draw(nearer, 1).front(), first);
     EXPECT_NEAR(draw(nearer, 0).front(), stored(0.25), 1.0 / 65535);
+}
+
+TEST_F(ViewMapsTest, ScissorsKeepPassesInside) {
+    makeMaps(1);
+    ViewPlan plan = planOf(2, 0.5, glm::dvec2(0));
+    plan.clears = {0};
+    plan.passes[0].scissor = {{3, 10}, {17, 64}};
+    const std::vector<float> depths = draw(plan);
+    for (size_t i = 0; i < depths.size(); ++i)
+        ASSERT_EQ(depths[i] < 1, i % 64 >= 3 && i % 64 < 17 && i / 64 >= 10) << i;
+}
+
+TEST_F(ViewMapsTest, MovesPutEveryDepthWhereItGoes) {
+    for (const DepthFormat format : {DepthFormat::kD16, DepthFormat::kD32}) {
+        std::mt19937 rng(11);
+        makeMaps(2, format);
+        const auto between = [&rng](int low, int high) { return std::uniform_int_distribution<int>(low, high)(rng); };
+        for (int step = 0; step < 60; ++step) {
+            std::vector<float> expected[2] = {drawTriangles(rng), maps->read(1).value()};
+            ViewPlan plan;
+            for (int moves = between(1, 3); moves > 0; --moves) {
+                const int reach = step % 5 == 0 ? 70 : 6;
+                gpu::MapMove move{.from = between(0, 1), .to = between(0, 1)};
+                if (step % 3) move.by = {between(-reach, reach), between(-reach, reach)};
+                if (step % 4) move.units = between(-20000, 20000);
+                expected[move.to] = movedMap(expected[move.from], move, kSide, format);
+                plan.moves.push_back(move);
+            }
+            EXPECT_EQ(gpu::test::differing(draw(plan, 0), expected[0]), 0u) << gpu::test::nameOf(format) << ", step " << step;
+            EXPECT_EQ(gpu::test::differing(draw({}, 1), expected[1]), 0u) << gpu::test::nameOf(format) << ", step " << step;
+        }
+    }
+}
+
+TEST_F(ViewMapsTest, EmptyTexelsStayEmptyHoweverDepthsMove) {
+    for (const DepthFormat format : {DepthFormat::kD16, DepthFormat::kD32}) {
+        makeMaps(1, format);
+        ViewPlan plan = planOf(0.5, 0.75, glm::dvec2(0));
+        plan.clears = {0};
+        const std::vector<float> before = draw(plan);
+        for (const int units : {-1, -40000, 70000}) {
+            ViewPlan move;
+            move.moves = {{.units = units}};
+            const std::vector<float> after = draw(move);
+            for (size_t i = 0; i < after.size(); ++i)
+                if (before[i] == cache::kEmptyDepth) { ASSERT_EQ(after[i], cache::kEmptyDepth) << units; }
+        }
+    }
+}
+
+TEST_F(ViewMapsTest, DepthsNeverComeNearerThanCastersLeaveThem) {
+    for (const DepthFormat format : {DepthFormat::kD16, DepthFormat::kD32}) {
+        makeMaps(1, format);
+        ViewPlan plan = planOf(2, 0.25, glm::dvec2(0));
+        plan.clears = {0};
+        draw(plan);
+        for (const int units : {-16400, -1}) {
+            ViewPlan move;
+            move.moves = {{.units = units}};
+            const std::vector<float> after = draw(move);
+            for (const float depth : after) ASSERT_EQ(depth, cache::kNearestDepth) << units;
+        }
+    }
 }
 
 }  // namespace
