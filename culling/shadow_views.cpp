@@ -16,8 +16,6 @@ namespace {
 constexpr double kDepthPad = 0.1;
 /// Half an edge of the smallest map [m]: a slice that is seen edge on has no width.
 constexpr double kLeastHalf = 0.01;
-/// Units of a 16 bit depth between the first that a caster leaves, 1, and that of an empty texel, 65535.
-constexpr double kDepthUnits = 65534;
 
 /// One slice of the view.
 struct Slice {

@@ -31,6 +31,10 @@ struct ShadowView {
     bool statics = false;   ///< static casters alone, and the same whatever the camera does
 };
 
+/// Units of a 16 bit depth in a view's range: between the first that a caster leaves, 1, and that of an empty texel,
+/// 65535.
+constexpr double kDepthUnits = 65534;
+
 /// Where the slices of a view end, ascending, the last at `far` exactly. 0 < near < far. By `ratio` they are counted
 /// from `far`, whatever `near` is; none ends before it.
 std::vector<double> splitsOf(const Splits& splits, double near, double far);

@@ -27,11 +27,7 @@ struct LabOptions {
 
 Result<std::vector<culling::ShadowMethod>> methodsOf(const std::string& names) {
     std::vector<culling::ShadowMethod> methods;
-    if (names.empty()) {
-        for (culling::ShadowMethod& method : culling::namedMethods())
-            if (method.keep != culling::Keep::kScrolled) methods.push_back(std::move(method));
-        return methods;
-    }
+    if (names.empty()) return culling::namedMethods();
     std::istringstream list(names);
     for (std::string name; std::getline(list, name, ',');) {
         auto method = methodFromWord(name);

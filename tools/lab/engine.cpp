@@ -2,15 +2,15 @@
 
 #include <algorithm>
 #include <chrono>
-#include <map>
 #include <optional>
-#include <string>
 #include <utility>
 
 #include "server/shadow_system.h"
 #include "tools/dump.h"
+#include "tools/lab/scroll_engine.h"
 #include "tools/lab/view_plans.h"
 #include "tools/method_file.h"
+#include "tools/lab/view_target.h"
 #include "tools/mover_feed.h"
 #include "tools/replay.h"
 
@@ -23,17 +23,6 @@ using culling::ShadowView;
 using world::Done;
 using world::Result;
 
-/// Geometry on the GPU, all of a scene's that is ever drawn: no method of the lab is judged by it.
-constexpr uint64_t kGeometryBytes = 2ull << 30;
-
-gpu::DepthFormat formatOf(const ShadowMethod& method) {
-    return method.depthBits == 16 ? gpu::DepthFormat::kD16 : gpu::DepthFormat::kD32;
-}
-
-double msSince(std::chrono::steady_clock::time_point start) {
-    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-}
-
 /// Draws every map whole in every frame; but what is the same whatever the camera does, once.
 class RedrawEngine : public Engine {
 public:
@@ -42,12 +31,9 @@ public:
           casters_(setting.scene, setting.light, method, views_) {}
 
     Result<Done> start() {
-        auto made = gpu::ViewMaps::create(setting_.device, {.maps = views_.back().map + 1,
-                                                            .side = method_.side,
-                                                            .format = formatOf(method_),
-                                                            .geometryBytes = kGeometryBytes});
+        auto made = ViewTarget::create(setting_.device, method_, views_.back().map + 1);
         if (!made) return made.error();
-        maps_ = std::move(made.value());
+        target_.emplace(std::move(made.value()));
         return Done{};
     }
 
@@ -58,59 +44,28 @@ public:
         views_ = viewsFor(pose);
         FrameCost frame;
         gpu::ViewPlan plan;
-        frame.cost = casters_.plan(views_, !staticsDrawn_, [this](const world::MeshLevel& l) { return geometry(l); }, plan);
-        if (failed_) return *failed_;
-        for (gpu::ViewPass& pass : plan.passes) biased(pass);
+        frame.cost = casters_.plan(views_, !staticsDrawn_, *target_, plan);
         frame.cost.texels = plan.clears.size() * uint64_t(method_.side) * uint64_t(method_.side);
-        const auto drawn = maps_->draw(plan);
-        if (!drawn) return drawn.error();
+        if (const auto drawn = target_->draw(plan); !drawn) return drawn.error();
         frame.ms = msSince(start);
         staticsDrawn_ = true;
         return frame;
     }
     bool remembers() const override { return false; }
     std::span<const ShadowView> views() const override { return views_; }
-    Result<std::vector<std::vector<float>>> images() override {
-        std::vector<std::vector<float>> images;
-        for (int map = 0; map <= views_.back().map; ++map) {
-            auto read = maps_->read(map);
-            if (!read) return read.error();
-            images.push_back(std::move(read.value()));
-        }
-        return images;
-    }
+    Result<std::vector<std::vector<float>>> images() override { return target_->images(views_.back().map + 1); }
 
 private:
     std::vector<ShadowView> viewsFor(const world::Pose& pose) const {
         return culling::viewsOf(method_, setting_.light, viewAt(setting_, pose), kNearDistance, setting_.farDistance,
                                 setting_.scene.bounds());
     }
-    /// Uploaded when it is first drawn. What fails is told after the plan.
-    cache::GeometryId geometry(const world::MeshLevel& level) {
-        if (const auto known = uploaded_.find(&level); known != uploaded_.end()) return known->second;
-        const auto id = maps_->upload(level);
-        if (!id) {
-            failed_ = id.error();
-            return 0;
-        }
-        return uploaded_[&level] = id.value();
-    }
-    void biased(gpu::ViewPass& pass) const {
-        const ShadowView& view = *std::find_if(views_.begin(), views_.end(), [&](const ShadowView& v) { return v.map == pass.map; });
-        // Depth is in units of the range at w = 1.
-        const auto constant = float(method_.bias.constant * view.texel / view.depthRange);
-        for (int column = 0; column < 4; ++column)
-            pass.clipFromView[column][2] += constant * pass.clipFromView[column][3];
-        pass.slopeBias = float(method_.bias.slope);
-    }
 
     const Setting& setting_;
     ShadowMethod method_;
     std::vector<ShadowView> views_;
     ViewCasters casters_;
-    std::unique_ptr<gpu::ViewMaps> maps_;
-    std::map<const world::MeshLevel*, cache::GeometryId> uploaded_;
-    std::optional<world::Error> failed_;
+    std::optional<ViewTarget> target_;
     bool staticsDrawn_ = false;
 };
 
@@ -208,14 +163,17 @@ Result<std::unique_ptr<Engine>> started(Arguments&&... arguments) {
 
 }  // namespace
 
+double msSince(std::chrono::steady_clock::time_point start) {
+    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+}
+
 culling::View viewAt(const Setting& setting, const world::Pose& pose) {
     return {pose.position, pose.orientation, setting.verticalFov, kAspect};
 }
 
 Result<std::unique_ptr<Engine>> makeEngine(const Setting& setting, const ShadowMethod& method, const world::Pose& first) {
     if (const auto good = culling::requireMethod(method); !good) return good.error();
-    if (method.keep == Keep::kScrolled)
-        return world::Error{world::ErrorCode::kUsage, "method " + method.name + ": the lab cannot scroll maps yet; leave it out"};
+    if (method.keep == Keep::kScrolled) return makeScrollEngine(setting, method, first);
     if (method.keep == Keep::kCached) return started<CacheEngine>(setting, method);
     return started<RedrawEngine>(setting, method, first);
 }

@@ -1,6 +1,7 @@
 // tools/lab/engine.h — a method at work along a path: draws its maps frame by frame and hands them out.
 #pragma once
 
+#include <chrono>
 #include <memory>
 #include <span>
 #include <vector>
@@ -29,6 +30,7 @@ struct Setting {
 /// Nearer than this to the eye [m] nothing is shadowed by methods that slice the view.
 constexpr double kNearDistance = 0.5;
 
+double msSince(std::chrono::steady_clock::time_point start);
 culling::View viewAt(const Setting& setting, const world::Pose& pose);
 
 /// What a frame cost: all that was sent to the rasteriser, statics and movers.
@@ -50,7 +52,7 @@ public:
     virtual world::Result<std::vector<std::vector<float>>> images() = 0;
 };
 
-/// kUsage for a method that cannot work, or has no engine yet.
+/// kUsage for a method that cannot work.
 world::Result<std::unique_ptr<Engine>> makeEngine(const Setting& setting, const culling::ShadowMethod& method,
                                                   const world::Pose& first);
 

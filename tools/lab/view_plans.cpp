@@ -24,11 +24,31 @@ glm::mat3x4 rowsOf(const culling::LightCaster& caster, const culling::ShadowView
     return rows;
 }
 
+/// Deepest that a cluster may reach, light space [m].
+double deepest(const culling::LightCaster& caster, const world::Cluster& cluster) {
+    const glm::dvec3 row(caster.lightFromMesh[0].z, caster.lightFromMesh[1].z, caster.lightFromMesh[2].z);
+    const glm::dvec3 min(cluster.min), max(cluster.max);
+    return caster.origin.z + glm::dot(row, (min + max) * 0.5) + glm::dot(glm::abs(row), (max - min) * 0.5);
+}
+
+/// The pass of a view with its bias, without items.
+gpu::ViewPass passOf(const culling::ShadowView& view, const culling::ShadowBias& bias) {
+    gpu::ViewPass pass;
+    pass.map = view.map;
+    pass.clipFromView = glm::mat4(view.clipFromLight);
+    // Depth is in units of the range at w = 1.
+    const auto constant = float(bias.constant * view.texel / view.depthRange);
+    for (int column = 0; column < 4; ++column) pass.clipFromView[column][2] += constant * pass.clipFromView[column][3];
+    pass.slopeBias = float(bias.slope);
+    for (size_t i = 0; i < view.wedge.size(); ++i) pass.wedge[i] = glm::vec3(view.wedge[i]);
+    return pass;
+}
+
 }  // namespace
 
 ViewCasters::ViewCasters(const Scene& scene, const culling::LightSpace& light, const culling::ShadowMethod& method,
                          std::span<const culling::ShadowView> views)
-    : scene_(scene), casters_(light, cascadesOf(views), {.levelError = method.levelError}) {
+    : scene_(scene), bias_(method.bias), casters_(light, cascadesOf(views), {.levelError = method.levelError}) {
     const world::CasterTable& table = scene.casters();
     casters_.reserve(table.slots());
     tbb::parallel_for(world::CasterId{0}, world::CasterId(table.slots()), [&](world::CasterId id) {
@@ -41,18 +61,19 @@ void ViewCasters::moved(std::span<const world::CasterId> casters) {
     for (const world::CasterId id : casters) casters_.addActive(id, scene_.casters());
 }
 
-void ViewCasters::drawCaster(world::CasterId caster, int view, const culling::ShadowView& of, const Geometry& geometry,
-                             gpu::ViewPlan& plan, cache::Cost& cost) const {
+void ViewCasters::drawCaster(world::CasterId caster, int number, const culling::ShadowView& of, double from,
+                             ViewTarget& target, gpu::ViewPlan& plan, cache::Cost& cost) const {
     const culling::LightCaster& light = casters_[caster];
     if (light.bounds.max.x < of.low.x || light.bounds.min.x > of.high.x || light.bounds.max.y < of.low.y ||
-        light.bounds.min.y > of.high.y)
+        light.bounds.min.y > of.high.y || light.bounds.max.z <= from)
         return;
-    const world::MeshLevel& level = scene_.casters().meshOf(caster).levels[size_t(casters_.level(caster, view))];
+    const world::MeshLevel& level = scene_.casters().meshOf(caster).levels[size_t(casters_.level(caster, number))];
     const glm::dvec2 low = of.low - glm::dvec2(light.origin), high = of.high - glm::dvec2(light.origin);
     bool placed = false;
-    culling::eachMeeting(casters_.rects(caster, view).rows, {culling::roundedDown(low.x), culling::roundedDown(low.y)},
+    culling::eachMeeting(casters_.rects(caster, number).rows, {culling::roundedDown(low.x), culling::roundedDown(low.y)},
                          {culling::roundedUp(high.x), culling::roundedUp(high.y)}, [&](size_t k) {
         const world::Cluster& cluster = level.clusters[k];
+        if (light.bounds.min.z <= from && deepest(light, cluster) <= from) return;
         cost.triangles += cluster.indexCount / 3;
         if (placed && plan.items.back().firstIndex + plan.items.back().indexCount == cluster.firstIndex) {
             plan.items.back().indexCount += cluster.indexCount;
@@ -63,12 +84,29 @@ void ViewCasters::drawCaster(world::CasterId caster, int view, const culling::Sh
             ++cost.casters;
             placed = true;
         }
-        plan.items.push_back({geometry(level), cluster.firstIndex, cluster.indexCount, uint32_t(plan.transforms.size() - 1)});
+        plan.items.push_back({target.geometry(level), cluster.firstIndex, cluster.indexCount, uint32_t(plan.transforms.size() - 1)});
         ++cost.draws;
     });
 }
 
-cache::Cost ViewCasters::plan(std::span<const culling::ShadowView> views, bool statics, const Geometry& geometry,
+cache::Cost ViewCasters::draw(std::span<const world::CasterId> casters, int number, const culling::ShadowView& of,
+                              ViewTarget& target, gpu::ViewPlan& plan, double from) const {
+    cache::Cost cost;
+    gpu::ViewPass pass = passOf(of, bias_);
+    pass.firstItem = uint32_t(plan.items.size());
+    for (const world::CasterId id : casters) drawCaster(id, number, of, from, target, plan, cost);
+    pass.itemCount = uint32_t(plan.items.size()) - pass.firstItem;
+    plan.passes.push_back(pass);
+    return cost;
+}
+
+std::vector<world::CasterId> ViewCasters::staticsOver(const culling::ShadowView& view) const {
+    std::vector<world::CasterId> found;
+    culling::castersOver(scene_.statics(), casters_, view.low, view.high, found);
+    return found;
+}
+
+cache::Cost ViewCasters::plan(std::span<const culling::ShadowView> views, bool statics, ViewTarget& target,
                               gpu::ViewPlan& plan) {
     plan = {};
     cache::Cost cost;
@@ -76,17 +114,9 @@ cache::Cost ViewCasters::plan(std::span<const culling::ShadowView> views, bool s
         const culling::ShadowView& view = views[v];
         if (view.statics && !statics) continue;
         if (plan.clears.empty() || plan.clears.back() != view.map) plan.clears.push_back(view.map);
-        gpu::ViewPass pass;
-        pass.map = view.map;
-        pass.clipFromView = glm::mat4(view.clipFromLight);
-        for (size_t i = 0; i < view.wedge.size(); ++i) pass.wedge[i] = glm::vec3(view.wedge[i]);
-        pass.firstItem = uint32_t(plan.items.size());
-        culling::castersOver(scene_.statics(), casters_, view.low, view.high, found_);
-        for (const world::CasterId id : found_) drawCaster(id, int(v), view, geometry, plan, cost);
-        if (!view.statics)
-            for (const world::CasterId id : scene_.movers()) drawCaster(id, int(v), view, geometry, plan, cost);
-        pass.itemCount = uint32_t(plan.items.size()) - pass.firstItem;
-        plan.passes.push_back(pass);
+        std::vector<world::CasterId> casters = staticsOver(view);
+        if (!view.statics) casters.insert(casters.end(), scene_.movers().begin(), scene_.movers().end());
+        cost += draw(casters, int(v), view, target, plan);
     }
     return cost;
 }

@@ -1,7 +1,7 @@
-// tools/lab/view_plans.h — what is drawn to the maps of a method that keeps nothing, and what it costs.
+// tools/lab/view_plans.h — what is drawn through the views of a method, and what it costs.
 #pragma once
 
-#include <functional>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -10,6 +10,7 @@
 #include "culling/shadow_views.h"
 #include "gpu/view_maps.h"
 #include "tools/lab/scene.h"
+#include "tools/lab/view_target.h"
 
 namespace tools::lab {
 
@@ -17,8 +18,6 @@ namespace tools::lab {
 /// of the first frame where they change. Clusters are the unit of culling, as they are for the cache.
 class ViewCasters {
 public:
-    using Geometry = std::function<cache::GeometryId(const world::MeshLevel&)>;
-
     /// `scene` must outlive it.
     ViewCasters(const Scene& scene, const culling::LightSpace& light, const culling::ShadowMethod& method,
                 std::span<const culling::ShadowView> views);
@@ -26,19 +25,30 @@ public:
     /// After the scene's movers have moved.
     void moved(std::span<const world::CasterId> casters);
 
+    const culling::LightCaster& operator[](world::CasterId caster) const { return casters_[caster]; }
+    /// Static casters at any depth over the view's rectangle, ascending.
+    std::vector<world::CasterId> staticsOver(const culling::ShadowView& view) const;
+
     /// Empties the maps of `views` and draws all that may cast into them; a view of statics alone only if `statics`.
-    ///   geometry  the number of a mesh level on the GPU
-    ///   plan      replaced
-    cache::Cost plan(std::span<const culling::ShadowView> views, bool statics, const Geometry& geometry,
-                     gpu::ViewPlan& plan);
+    ///   target  gets the geometry
+    ///   plan    replaced
+    cache::Cost plan(std::span<const culling::ShadowView> views, bool statics, ViewTarget& target, gpu::ViewPlan& plan);
+
+    /// Adds a pass that draws what of some casters meets the view's rectangle and reaches deeper than `from`, light
+    /// space [m].
+    ///   number  of the view, for the level of detail
+    ///   of      the view; its rectangle may be a part of the map's
+    cache::Cost draw(std::span<const world::CasterId> casters, int number, const culling::ShadowView& of,
+                     ViewTarget& target, gpu::ViewPlan& plan,
+                     double from = -std::numeric_limits<double>::infinity()) const;
 
 private:
-    void drawCaster(world::CasterId caster, int view, const culling::ShadowView& of, const Geometry& geometry,
+    void drawCaster(world::CasterId caster, int number, const culling::ShadowView& of, double from, ViewTarget& target,
                     gpu::ViewPlan& plan, cache::Cost& cost) const;
 
     const Scene& scene_;
+    culling::ShadowBias bias_;
     culling::LightCasters casters_;
-    std::vector<world::CasterId> found_;
 };
 
 }  // namespace tools::lab
