@@ -26,7 +26,6 @@ struct RunRecord {
     int width = 0, height = 0;        ///< pixels judged in a frame
     std::string device, driver;
     int threads = 0;
-    friend bool operator==(const RunRecord&, const RunRecord&) = default;
 };
 
 /// Files that a run was given, as the user named them.
