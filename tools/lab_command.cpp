@@ -11,18 +11,22 @@
 
 #include "tools/lab/judge_all.h"
 #include "tools/lab/session.h"
+#include "tools/lab/suite.h"
 #include "tools/method_file.h"
 #include "tools/progress.h"
 
 namespace tools {
 namespace {
 
+using world::Error;
+using world::ErrorCode;
 using world::Result;
 
 struct LabOptions {
     lab::SessionOptions session;
     std::string methods;
     std::string out;  ///< empty: NAME.lab
+    bool suite = false;
 };
 
 Result<std::vector<culling::ShadowMethod>> methodsOf(const std::string& names) {
@@ -38,6 +42,8 @@ Result<std::vector<culling::ShadowMethod>> methodsOf(const std::string& names) {
 }
 
 Result<int> runLab(const LabOptions& options) {
+    if (options.session.world.empty() || options.session.path.empty())
+        return Error{ErrorCode::kUsage, "lab: give a world file and a camera's --path, or --suite, which needs neither"};
     auto methods = methodsOf(options.methods);
     if (!methods) return methods.error();
     const auto session = lab::openSession(options.session);
@@ -69,6 +75,23 @@ Result<int> runLab(const LabOptions& options) {
     return 0;
 }
 
+/// Plays the failure suite: 1 if a verdict is wrong.
+Result<int> runSuite(const gpu::DeviceConfig& config) {
+    auto device = gpu::Device::create(config);
+    if (!device) return device.error();
+    bool sound = true;
+    std::cout << lab::suiteHead();
+    for (const lab::SuiteCase& c : lab::suiteCases()) {
+        const auto results = lab::runCase(*device.value(), c);
+        if (!results) return results.error();
+        std::cout << lab::suiteRows(c, results.value()) << std::flush;
+        for (const lab::ClaimResult& r : results.value()) sound = sound && !lab::wrong(r.verdict);
+    }
+    const std::vector<std::string> messages = device.value()->validationMessages();
+    for (const std::string& message : messages) std::cerr << message << '\n';
+    return sound && messages.empty() ? 0 : 1;
+}
+
 }  // namespace
 
 Command addLabCommand(CLI::App& app) {
@@ -80,7 +103,14 @@ Command addLabCommand(CLI::App& app) {
                        "or files NAME.toml; all by default");
     parser->add_option("--out", options->out, "folder for lab.html and lab.sqlite; NAME.lab by default. What is there already "
                                               "is not run again");
-    return {parser, [options] { return runLab(*options); }};
+    // The suite needs no world, and takes of all options those of the device alone.
+    parser->get_option("world")->required(false);
+    parser->get_option("--path")->required(false);
+    CLI::Option* suite = parser->add_flag("--suite", options->suite, "instead: run methods where they are known to fail, in small worlds of their own");
+    for (CLI::Option* option : parser->get_options())
+        if (const std::string name = option->get_name(); name != "--help" && name != "--device" && name != "--validation" && name != "--suite")
+            suite->excludes(option);
+    return {parser, [options] { return options->suite ? runSuite(options->session.device) : runLab(*options); }};
 }
 
 }  // namespace tools

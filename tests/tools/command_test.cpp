@@ -276,4 +276,14 @@ TEST_F(Commands, AReplayWritesAllItsResults) {
     }
 }
 
+TEST_F(Commands, LabWantsAWorldOrTheSuite) {
+    for (const std::string arguments : {"lab", "lab hills.world", "lab --path way.tum"}) {
+        const Outcome neither = gnomon(arguments);
+        EXPECT_EQ(neither.status, 2) << arguments;
+        EXPECT_NE(neither.text.find("--suite"), std::string::npos) << neither.text;
+    }
+    for (const std::string arguments : {"hills.world", "--path way.tum", "--methods gnomon", "--sun 0,40"})
+        EXPECT_EQ(gnomon("lab --suite " + arguments).status, 2) << arguments;
+}
+
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <glm/gtc/matrix_transform.hpp>
 #include <optional>
 #include <utility>
 
@@ -23,12 +24,20 @@ using culling::ShadowView;
 using world::Done;
 using world::Result;
 
+/// The same view without its own origin, as far as single precision tells.
+ShadowView fromOrigin(ShadowView view) {
+    view.clipFromLight = glm::dmat4(glm::mat4(glm::translate(view.clipFromLight, -view.origin)));
+    view.origin = glm::dvec3(0);
+    return view;
+}
+
 /// Draws every map whole in every frame; but what is the same whatever the camera does, once.
 class RedrawEngine : public Engine {
 public:
     RedrawEngine(const Setting& setting, const ShadowMethod& method, const world::Pose& first)
-        : setting_(setting), method_(method), views_(viewsFor(first)),
-          casters_(setting.scene, setting.light, method, views_) {}
+        : setting_(setting), method_(method) {
+        lightFor(first);
+    }
 
     Result<Done> start() {
         auto made = ViewTarget::create(setting_.device, method_, views_.back().map + 1);
@@ -39,12 +48,15 @@ public:
 
     Result<FrameCost> advance(const world::Pose& pose) override {
         setting_.scene.moveTo(pose.time);
-        casters_.moved(setting_.scene.movers());
+        if (setting_.sunAt) lightFor(pose);
+        casters_->moved(setting_.scene.movers());
         const auto start = std::chrono::steady_clock::now();
         views_ = viewsFor(pose);
         FrameCost frame;
         gpu::ViewPlan plan;
-        frame.cost = casters_.plan(views_, !staticsDrawn_, *target_, plan);
+        const culling::View camera = viewAt(setting_, pose);
+        frame.cost = casters_->plan(views_, !staticsDrawn_, *target_, plan,
+                                    setting_.defect == Defect::kSeenCasters ? &camera : nullptr);
         frame.cost.texels = plan.clears.size() * uint64_t(method_.side) * uint64_t(method_.side);
         if (const auto drawn = target_->draw(plan); !drawn) return drawn.error();
         frame.ms = msSince(start);
@@ -54,17 +66,29 @@ public:
     bool remembers() const override { return false; }
     std::span<const ShadowView> views() const override { return views_; }
     Result<std::vector<std::vector<float>>> images() override { return target_->images(views_.back().map + 1); }
+    const culling::LightSpace& light() const override { return light_; }
 
 private:
+    /// Fits all casters to the light of a pose.
+    void lightFor(const world::Pose& pose) {
+        light_ = lightAt(setting_, pose.time);
+        views_ = viewsFor(pose);
+        casters_.emplace(setting_.scene, light_, method_, views_);
+        staticsDrawn_ = false;
+    }
     std::vector<ShadowView> viewsFor(const world::Pose& pose) const {
-        return culling::viewsOf(method_, setting_.light, viewAt(setting_, pose), kNearDistance, setting_.farDistance,
-                                setting_.scene.bounds());
+        std::vector<ShadowView> views = culling::viewsOf(method_, light_, viewAt(setting_, pose), kNearDistance,
+                                                         setting_.farDistance, setting_.scene.bounds());
+        if (setting_.defect == Defect::kFromOrigin)
+            for (ShadowView& view : views) view = fromOrigin(view);
+        return views;
     }
 
     const Setting& setting_;
     ShadowMethod method_;
+    culling::LightSpace light_;
     std::vector<ShadowView> views_;
-    ViewCasters casters_;
+    std::optional<ViewCasters> casters_;
     std::optional<ViewTarget> target_;
     bool staticsDrawn_ = false;
 };
@@ -72,17 +96,24 @@ private:
 /// Gnomon itself.
 class CacheEngine : public Engine {
 public:
-    CacheEngine(const Setting& setting, const ShadowMethod& method) : setting_(setting), method_(method) {}
+    CacheEngine(const Setting& setting, const ShadowMethod& method, const world::Pose& first)
+        : setting_(setting), method_(method), light_(lightAt(setting, first.time)) {}
 
     Result<Done> start() {
-        server::ShadowConfig config;
+        server::ShadowConfig config = setting_.cache;
         if (const auto good = apply(method_, config); !good) return good;
         config.farDistance = setting_.farDistance;
-        config.sun = setting_.light.sun;
+        config.sun = light_.sun;
+        config.movingSun = bool(setting_.sunAt);
         config.geometryBytes = kGeometryBytes;
         auto made = server::ShadowSystem::create(setting_.device, setting_.store, config);
         if (!made) return made.error();
         system_ = std::move(made.value());
+        for (const Removal& removal : setting_.removals) {
+            const auto id = system_->adopt(removal.name);
+            if (!id) return id.error();
+            leaving_.push_back(id.value());
+        }
         if (setting_.movers.empty()) return Done{};
         auto feed = MoverFeed::create(*system_, setting_.movers);
         if (!feed) return feed.error();
@@ -97,6 +128,9 @@ public:
         input.time = pose.time;
         input.camera = {.position = view.eye, .orientation = view.orientation, .verticalFov = view.verticalFov, .aspect = view.aspect};
         if (feed_) input.objects = feed_->at(pose.time);
+        if (setting_.sunAt) input.sun = lightAt(setting_, pose.time).sun;
+        for (; gone_ < leaving_.size() && setting_.removals[gone_].time <= pose.time; ++gone_)
+            if (const auto removed = system_->remove(leaving_[gone_]); !removed) return removed.error();
         const auto start = std::chrono::steady_clock::now();
         auto report = system_->advance(input);
         if (!report) return report.error();
@@ -108,6 +142,7 @@ public:
             frame.cost += c.active;
         }
         if (!report.value().errors.empty()) return report.value().errors.front();
+        if (setting_.sunAt) light_ = culling::makeLightSpace(report.value().sun.shown).value();
         return frame;
     }
     bool remembers() const override { return true; }
@@ -128,6 +163,7 @@ public:
         }
         return images;
     }
+    const culling::LightSpace& light() const override { return light_; }
 
 private:
     ShadowView viewOf(const server::CascadeView& cascade, int map) const {
@@ -151,6 +187,9 @@ private:
     ShadowMethod method_;
     std::unique_ptr<server::ShadowSystem> system_;
     std::optional<MoverFeed> feed_;
+    std::vector<server::ObjectId> leaving_;  ///< as the setting's removals
+    size_t gone_ = 0;                        ///< of them
+    culling::LightSpace light_;
     std::vector<ShadowView> views_;
 };
 
@@ -168,13 +207,17 @@ double msSince(std::chrono::steady_clock::time_point start) {
 }
 
 culling::View viewAt(const Setting& setting, const world::Pose& pose) {
-    return {pose.position, pose.orientation, setting.verticalFov, kAspect};
+    return {pose.position, pose.orientation, setting.fovAt ? setting.fovAt(pose.time) : setting.verticalFov, kAspect};
+}
+
+culling::LightSpace lightAt(const Setting& setting, double time) {
+    return setting.sunAt ? culling::makeLightSpace(setting.sunAt(time)).value() : setting.light;
 }
 
 Result<std::unique_ptr<Engine>> makeEngine(const Setting& setting, const ShadowMethod& method, const world::Pose& first) {
     if (const auto good = culling::requireMethod(method); !good) return good.error();
     if (method.keep == Keep::kScrolled) return makeScrollEngine(setting, method, first);
-    if (method.keep == Keep::kCached) return started<CacheEngine>(setting, method);
+    if (method.keep == Keep::kCached) return started<CacheEngine>(setting, method, first);
     return started<RedrawEngine>(setting, method, first);
 }
 

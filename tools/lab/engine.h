@@ -2,13 +2,16 @@
 #pragma once
 
 #include <chrono>
+#include <functional>
 #include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "cache/statistics.h"
 #include "culling/shadow_views.h"
 #include "gpu/device.h"
+#include "server/shadow_system.h"
 #include "tools/lab/scene.h"
 #include "world/path.h"
 #include "world/result.h"
@@ -16,15 +19,33 @@
 
 namespace tools::lab {
 
+/// An object that leaves the world for good. The scene's tracks say so to everybody but the cache.
+struct Removal {
+    std::string name;
+    double time = 0;  ///< of the first frame without it [s]
+};
+
+/// Deliberate defects of methods that keep nothing, each of which a comparison with the truth must catch.
+enum class Defect : uint8_t {
+    kNone,
+    kFromOrigin,   ///< light space is counted from the world's origin in single precision
+    kSeenCasters,  ///< what the camera does not see is not drawn
+};
+
 /// What all methods of a run share.
 struct Setting {
     gpu::Device& device;
     const world::WorldStore& store;
     Scene& scene;
     const std::vector<world::MoverTrack>& movers;
-    culling::LightSpace light;
-    double farDistance = 600;  ///< [m]
-    double verticalFov = 0;    ///< [rad]
+    culling::LightSpace light;  ///< of a sun that stands still
+    double farDistance = 600;   ///< [m]
+    double verticalFov = 0;     ///< [rad], where it does not change
+    std::function<glm::dvec3(double)> sunAt{};  ///< direction of the light's travel by time [s]; empty: stands still
+    std::function<double(double)> fovAt{};      ///< vertical field of view [rad] by time [s]; empty: does not change
+    std::vector<Removal> removals{};  ///< ascending in time
+    server::ShadowConfig cache{};     ///< of the cache, where neither method nor setting say otherwise
+    Defect defect = Defect::kNone;
 };
 
 /// Nearer than this to the eye [m] nothing is shadowed by methods that slice the view.
@@ -32,6 +53,8 @@ constexpr double kNearDistance = 0.5;
 
 double msSince(std::chrono::steady_clock::time_point start);
 culling::View viewAt(const Setting& setting, const world::Pose& pose);
+/// CHECKs that a light space accepts the sun.
+culling::LightSpace lightAt(const Setting& setting, double time);
 
 /// What a frame cost: all that was sent to the rasteriser, statics and movers.
 struct FrameCost {
@@ -50,6 +73,8 @@ public:
     /// Of the last frame: views, and their maps, row by row in the views' own order.
     virtual std::span<const culling::ShadowView> views() const = 0;
     virtual world::Result<std::vector<std::vector<float>>> images() = 0;
+    /// Of these maps: a cache follows a moving sun in steps.
+    virtual const culling::LightSpace& light() const = 0;
 };
 
 /// kUsage for a method that cannot work.

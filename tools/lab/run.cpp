@@ -79,13 +79,13 @@ public:
     }
     std::vector<server::ReceiverLight> ask(const Asked& asked) const {
         const std::vector<std::span<const float>> spans(images_.begin(), images_.end());
-        return server::shade(method_, engine_.views(), setting_.light, view_, spans, asked.receivers);
+        return server::shade(method_, engine_.views(), engine_.light(), view_, spans, asked.receivers);
     }
     std::vector<server::ReceiverLight> add(const culling::TruthFrame& truth, const Asked& asked, size_t frame, const FrameCost& cost) {
         auto answers = ask(asked);
         uint64_t texels = 0;
         for (const std::vector<float>& image : images_) texels += image.size();
-        result_.judged.push_back({frame, cost, judge(truth, asked, answers, setting_.verticalFov, texels)});
+        result_.judged.push_back({frame, cost, judge(truth, asked, answers, view_.verticalFov, texels)});
         const Measures& measures = result_.judged.back().measures;
         result_.measures += measures;
         if (result_.judged.size() == 1 || measures.wrong() > result_.worst.wrong)
@@ -127,13 +127,14 @@ Result<std::vector<TruthPair>> traceTruth(const Setting& setting, std::span<cons
         for (const size_t i : {0, 1}) {
             const world::Pose& pose = poses[frame + i];
             moved = tracer.moveTo(pose.time);
-            TruthQuestion question{hash, viewAt(setting, pose), config.width, config.height, setting.farDistance, setting.light.sun, {}};
+            const glm::dvec3 sun = lightAt(setting, pose.time).sun;
+            TruthQuestion question{hash, viewAt(setting, pose), config.width, config.height, setting.farDistance, sun, {}};
             for (const CasterId id : setting.scene.movers()) question.moved.push_back({id, setting.scene.casters()[id].placement});
             keys[i] = keyOf(question);
             auto traced = store.frame(keys[i], [&]() -> Result<culling::TruthFrame> {
                 const auto truth = tracer.truth();
                 if (!truth) return truth.error();
-                return truth.value()->trace(question.view, config.width, config.height, setting.farDistance, setting.light.sun);
+                return truth.value()->trace(question.view, config.width, config.height, setting.farDistance, sun);
             });
             if (!traced) return traced.error();
             (i == 0 ? pair.first : pair.second) = std::move(traced.value());
@@ -150,7 +151,8 @@ Result<std::vector<TruthPair>> traceTruth(const Setting& setting, std::span<cons
         const auto again = store.revisit(keys[0], keys[1], [&]() -> Result<std::vector<culling::Sunlight>> {
             const auto truth = tracer.truth();
             if (!truth) return truth.error();
-            return truth.value()->revisit(points, viewAt(setting, poses[frame + 1]), setting.farDistance, setting.light.sun, moved);
+            return truth.value()->revisit(points, viewAt(setting, poses[frame + 1]), setting.farDistance,
+                                          lightAt(setting, poses[frame + 1].time).sun, moved);
         });
         if (!again) return again.error();
         for (const size_t i : asked) pair.again.push_back(again.value()[i]);

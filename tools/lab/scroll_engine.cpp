@@ -24,8 +24,9 @@ double farEnd(const ShadowView& view) { return view.origin.z + view.depthRange; 
 class ScrollEngine : public Engine {
 public:
     ScrollEngine(const Setting& setting, const ShadowMethod& method, const world::Pose& first)
-        : setting_(setting), method_(method), views_(viewsFor(first)),
-          casters_(setting.scene, setting.light, method, views_), held_(views_.size()) {}
+        : setting_(setting), method_(method) {
+        lightFor(first);
+    }
 
     Result<Done> start() {
         auto made = ViewTarget::create(setting_.device, method_, 2 * int(views_.size()));
@@ -36,7 +37,8 @@ public:
 
     Result<FrameCost> advance(const world::Pose& pose) override {
         setting_.scene.moveTo(pose.time);
-        casters_.moved(setting_.scene.movers());
+        if (setting_.sunAt && lightAt(setting_, pose.time).sun != light_.sun) lightFor(pose);
+        casters_->moved(setting_.scene.movers());
         const auto start = std::chrono::steady_clock::now();
         const std::vector<ShadowView> before = std::exchange(views_, viewsFor(pose));
         FrameCost frame;
@@ -55,10 +57,19 @@ public:
     bool remembers() const override { return true; }
     std::span<const ShadowView> views() const override { return views_; }
     Result<std::vector<std::vector<float>>> images() override { return target_->images(int(views_.size())); }
+    const culling::LightSpace& light() const override { return light_; }
 
 private:
+    /// Fits all casters to the light of a pose; the maps are drawn anew.
+    void lightFor(const world::Pose& pose) {
+        light_ = lightAt(setting_, pose.time);
+        views_ = viewsFor(pose);
+        casters_.emplace(setting_.scene, light_, method_, views_);
+        held_.assign(views_.size(), {});
+        drawn_ = false;
+    }
     std::vector<ShadowView> viewsFor(const world::Pose& pose) const {
-        return culling::viewsOf(method_, setting_.light, viewAt(setting_, pose), kNearDistance, setting_.farDistance,
+        return culling::viewsOf(method_, light_, viewAt(setting_, pose), kNearDistance, setting_.farDistance,
                                 setting_.scene.bounds());
     }
     uint64_t mapArea() const { return uint64_t(method_.side) * uint64_t(method_.side); }
@@ -70,8 +81,8 @@ private:
     }
     /// Static casters that meet the view's rectangle and do not lie behind its far end, ascending.
     std::vector<CasterId> reached(const ShadowView& view) const {
-        std::vector<CasterId> casters = casters_.staticsOver(view);
-        std::erase_if(casters, [&](CasterId id) { return casters_[id].bounds.min.z > farEnd(view); });
+        std::vector<CasterId> casters = casters_->staticsOver(view);
+        std::erase_if(casters, [&](CasterId id) { return (*casters_)[id].bounds.min.z > farEnd(view); });
         return casters;
     }
 
@@ -79,7 +90,7 @@ private:
         const ShadowView view = keptView(v);
         plan.clears.push_back(view.map);
         held_[v] = reached(view);
-        cache::Cost cost = casters_.draw(held_[v], int(v), view, *target_, plan);
+        cache::Cost cost = casters_->draw(held_[v], int(v), view, *target_, plan);
         cost.texels += mapArea();
         return cost;
     }
@@ -98,7 +109,7 @@ private:
         std::vector<CasterId> casters = reached(view), fresh;
         std::set_difference(casters.begin(), casters.end(), held_[v].begin(), held_[v].end(),
                             std::back_inserter(fresh));
-        cost += casters_.draw(fresh, int(v), view, *target_, plan);
+        cost += casters_->draw(fresh, int(v), view, *target_, plan);
         held_[v] = std::move(casters);
         return cost;
     }
@@ -111,12 +122,12 @@ private:
             ShadowView strip = view;
             strip.low = view.low + glm::dvec2(rect.min) * view.texel;
             strip.high = view.low + glm::dvec2(rect.max) * view.texel;
-            cost += casters_.draw(reached(strip), int(v), strip, *target_, plan);
+            cost += casters_->draw(reached(strip), int(v), strip, *target_, plan);
             plan.passes.back().scissor = rect;
         }
         // What lay in the last unit before the old end was rounded away with what lay behind it.
         if (step.units > 0)
-            cost += casters_.draw(reached(view), int(v), view, *target_, plan,
+            cost += casters_->draw(reached(view), int(v), view, *target_, plan,
                                   farEnd(before) - before.depthRange / culling::kDepthUnits);
         return cost;
     }
@@ -125,14 +136,15 @@ private:
         plan.moves.push_back({.from = keptView(v).map, .to = views_[v].map});
         cache::Cost cost;
         cost.texels += mapArea();
-        if (!views_[v].statics) cost += casters_.draw(setting_.scene.movers(), int(v), views_[v], *target_, plan);
+        if (!views_[v].statics) cost += casters_->draw(setting_.scene.movers(), int(v), views_[v], *target_, plan);
         return cost;
     }
 
     const Setting& setting_;
     ShadowMethod method_;
+    culling::LightSpace light_;
     std::vector<ShadowView> views_;
-    ViewCasters casters_;
+    std::optional<ViewCasters> casters_;
     std::vector<std::vector<CasterId>> held_;  ///< by view: static casters that met its volume, ascending
     std::optional<ViewTarget> target_;
     bool drawn_ = false;  ///< the maps hold the last frame's views

@@ -2,7 +2,10 @@
 
 #include <tbb/parallel_for.h>
 
+#include <limits>
+
 #include "culling/caster_query.h"
+#include "culling/receivers.h"
 
 namespace tools::lab {
 namespace {
@@ -107,7 +110,12 @@ std::vector<world::CasterId> ViewCasters::staticsOver(const culling::ShadowView&
 }
 
 cache::Cost ViewCasters::plan(std::span<const culling::ShadowView> views, bool statics, ViewTarget& target,
-                              gpu::ViewPlan& plan) {
+                              gpu::ViewPlan& plan, const culling::View* seenBy) {
+    const world::Octree none({}, 1);
+    const auto unseen = [&](world::CasterId id) {
+        const culling::Cascade endless{.split = std::numeric_limits<double>::infinity(), .texel = 0};
+        return culling::unseenCascades(*seenBy, {&endless, 1}, none, scene_.casters(), {&id, 1}, true) != 0;
+    };
     plan = {};
     cache::Cost cost;
     for (size_t v = 0; v < views.size(); ++v) {
@@ -116,6 +124,7 @@ cache::Cost ViewCasters::plan(std::span<const culling::ShadowView> views, bool s
         if (plan.clears.empty() || plan.clears.back() != view.map) plan.clears.push_back(view.map);
         std::vector<world::CasterId> casters = staticsOver(view);
         if (!view.statics) casters.insert(casters.end(), scene_.movers().begin(), scene_.movers().end());
+        if (seenBy) std::erase_if(casters, unseen);
         cost += draw(casters, int(v), view, target, plan);
     }
     return cost;

@@ -32,7 +32,9 @@ public:
     /// Empties the maps of `views` and draws all that may cast into them; a view of statics alone only if `statics`.
     ///   target  gets the geometry
     ///   plan    replaced
-    cache::Cost plan(std::span<const culling::ShadowView> views, bool statics, ViewTarget& target, gpu::ViewPlan& plan);
+    ///   seenBy  a deliberate defect: what this camera does not see is left out; null: nothing is
+    cache::Cost plan(std::span<const culling::ShadowView> views, bool statics, ViewTarget& target, gpu::ViewPlan& plan,
+                     const culling::View* seenBy = nullptr);
 
     /// Adds a pass that draws what of some casters meets the view's rectangle and reaches deeper than `from`, light
     /// space [m].
