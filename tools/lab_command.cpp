@@ -1,7 +1,6 @@
 #include "tools/lab_command.h"
 
 #include <cstdio>
-#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <optional>
@@ -50,8 +49,6 @@ Result<int> runLab(const LabOptions& options) {
     if (!session) return session.error();
     lab::Session& s = *session.value();
     s.run.methods = std::move(methods.value());
-    auto truths = lab::openTruths(options.session);
-    if (!truths) return truths.error();
     std::optional<Progress> progress;
     const auto follow = [&](const std::string& name) -> lab::Follow {
         progress.emplace(name, std::cerr, stderrIsTerminal());
@@ -65,11 +62,10 @@ Result<int> runLab(const LabOptions& options) {
         std::fflush(stdout);
     };
     const std::string& world = options.session.world;
-    const std::string out = options.out.empty() ? std::filesystem::path(world).stem().string() + ".lab" : options.out;
+    const std::string out = options.out.empty() ? lab::defaultFolder(world) : options.out;
     const auto page = lab::judgeAll(*s.setting, {world, options.session.path, options.session.movers}, s.poses, s.run,
-                                    truths.value(), out, show, follow);
+                                    out, show, follow);
     progress.reset();
-    for (const std::string& line : truths.value().damage()) std::cerr << line << '\n';
     if (!page) return page.error();
     std::printf("\n%s shows them.\n", page.value().c_str());
     return 0;

@@ -38,7 +38,7 @@ Result<int> runTune(const TuneOptions& options) {
     const auto session = lab::openSession(options.session);
     if (!session) return session.error();
     const lab::Session& s = *session.value();
-    auto truths = lab::openTruths(options.session);
+    auto truths = lab::openTruths(lab::defaultFolder(options.session.world));
     if (!truths) return truths.error();
     std::optional<Progress> progress(std::in_place, "truth", std::cerr, stderrIsTerminal());
     const auto truth = lab::traceTruth(*s.setting, s.poses, lab::judgedFrames(s.poses.size(), s.run.every), s.run, truths.value(),

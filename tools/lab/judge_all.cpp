@@ -1,15 +1,17 @@
 #include "tools/lab/judge_all.h"
 
+#include <iostream>
 #include <optional>
 #include <utility>
 #include <vector>
 
 #include "tools/lab/results.h"
+#include "tools/lab/session.h"
 
 namespace tools::lab {
 
 world::Result<std::string> judgeAll(const Setting& setting, const RunFiles& files, std::span<const world::Pose> poses,
-                                    const RunConfig& config, TruthStore& truths, const std::string& folder,
+                                    const RunConfig& config, const std::string& folder,
                                     const std::function<void(const MethodRecord&)>& onMethod,
                                     const std::function<Follow(const std::string&)>& follow) {
     const auto judged = judgedFrames(poses.size(), config.every);
@@ -27,7 +29,10 @@ world::Result<std::string> judgeAll(const Setting& setting, const RunFiles& file
             continue;
         }
         if (!truth) {
-            auto traced = traceTruth(setting, poses, judged, config, truths, follow("truth"));
+            auto truths = openTruths(folder);
+            if (!truths) return truths.error();
+            auto traced = traceTruth(setting, poses, judged, config, truths.value(), follow("truth"));
+            for (const std::string& line : truths.value().damage()) std::cerr << line << '\n';
             if (!traced) return traced.error();
             truth = std::move(traced.value());
         }

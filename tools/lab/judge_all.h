@@ -13,13 +13,13 @@ namespace tools::lab {
 /// Called after each step of work: steps done, of how many.
 using Follow = std::function<void(size_t, size_t)>;
 
-/// Judges `config.methods` and writes results and page into `folder`, which is made when there are results. Returns the
+/// Judges `config.methods` and writes results, truths and page into `folder`, which is made when there are results. Returns the
 /// page's path. Errors name what failed; what was done before that is kept.
 ///   onMethod  each method in order, as soon as it is known
 ///   follow    given what is worked at, tells how far it is; the last one is over when the next is asked for, or
 ///             `onMethod` is called
 world::Result<std::string> judgeAll(const Setting& setting, const RunFiles& files, std::span<const world::Pose> poses,
-                                    const RunConfig& config, TruthStore& truths, const std::string& folder,
+                                    const RunConfig& config, const std::string& folder,
                                     const std::function<void(const MethodRecord&)>& onMethod,
                                     const std::function<Follow(const std::string&)>& follow);
 

@@ -80,8 +80,13 @@ Result<std::unique_ptr<Session>> openSession(const SessionOptions& options) {
     return session;
 }
 
-Result<TruthStore> openTruths(const SessionOptions& options) {
-    return TruthStore::open(std::filesystem::path(options.world).stem().string() + ".truth");
+Result<TruthStore> openTruths(const std::string& folder) {
+    std::error_code failed;
+    std::filesystem::create_directories(folder, failed);
+    if (failed) return Error{ErrorCode::kIo, folder + ": cannot be made: " + failed.message() + "; give another --out"};
+    return TruthStore::open((std::filesystem::path(folder) / "truth.sqlite").string());
 }
+
+std::string defaultFolder(const std::string& world) { return std::filesystem::path(world).stem().string() + ".lab"; }
 
 }  // namespace tools::lab

@@ -36,7 +36,9 @@ struct Session {
 /// Errors of what it reads, naming file or option; kUsage for a path of one frame, or far from the world.
 world::Result<std::unique_ptr<Session>> openSession(const SessionOptions& options);
 
-/// NAME.truth beside where the command was called, made where there is none.
-world::Result<TruthStore> openTruths(const SessionOptions& options);
+/// The truths that are kept in a folder of results, both made where there are none. kIo.
+world::Result<TruthStore> openTruths(const std::string& folder);
+/// Where results go if nobody says: NAME.lab.
+std::string defaultFolder(const std::string& world);
 
 }  // namespace tools::lab
