@@ -36,11 +36,11 @@ struct CertifyCosts {
 /// timed: the same world gives the same allowance.
 class RayAllowance {
 public:
-    /// A full frame's: 2 ms of a thread, seldom more than 8. Fewer spread the search over more frames and make it
+    /// A full frame's: 3 ms of a thread, seldom more than 10. Fewer spread the search over more frames and make it
     /// dearer, since what hides neighbours is looked at again.
-    static constexpr uint64_t kMost = 1 << 13;
+    static constexpr uint64_t kMost = 1 << 14;
     static constexpr uint64_t kLeast = 1 << 12;  ///< where nothing pays: the camera may come to where it does
-    static constexpr uint64_t kLent = 256 * kMost;
+    static constexpr uint64_t kLent = 128 * kMost;
     /// What a certificate is worth: 0.7 ms of a thread, its cluster drawn some ten times.
     static constexpr uint64_t kPerCertificate = 1 << 11;
 
