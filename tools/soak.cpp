@@ -21,7 +21,7 @@ constexpr double kLargestObject = 20;  // [m]
 
 constexpr size_t kMostLights = 3;
 /// So many chunks around the middle are edited: what edits hold in memory is bounded.
-constexpr size_t kEditedChunks = 4;
+constexpr size_t kEditedChunks = 16;
 
 uint64_t residentBytes() {
     std::ifstream file("/proc/self/statm");
