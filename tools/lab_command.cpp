@@ -49,6 +49,7 @@ Result<int> runLab(const LabOptions& options) {
     if (!session) return session.error();
     lab::Session& s = *session.value();
     s.run.methods = std::move(methods.value());
+    s.run.sunRadius = lab::kSunRadius;
     std::optional<Progress> progress;
     const auto follow = [&](const std::string& name) -> lab::Follow {
         progress.emplace(name, std::cerr, stderrIsTerminal());

@@ -67,6 +67,17 @@ TEST(Judge, CountsEachKindOfErrorOnItsOwn) {
     EXPECT_EQ(m.points, 0u);
 }
 
+TEST(Judge, HoldsSoftLightAgainstTheShareOfTheDisk) {
+    const auto truth = row({Sunlight::kLit, Sunlight::kShadowed, Sunlight::kLit});
+    Asked asked = tools::lab::sunwardPixels(truth);
+    const std::vector<ReceiverLight> answers{answer(0.75f), answer(0.75f), answer(1)};
+    EXPECT_EQ(tools::lab::judge(truth, asked, answers, kRightAngle, 1000).softDifference, 0);
+    asked.shares = {0.75f, 0.25f, 0.5f};
+    const Measures m = tools::lab::judge(truth, asked, answers, kRightAngle, 1000);
+    EXPECT_EQ(m.softDifference, 0.5 + 0.5);
+    EXPECT_EQ(m.difference, 0.25 + 0.75);
+}
+
 TEST(Judge, HalfTheLightIsShadow) {
     const Measures m = judged(row({Sunlight::kLit, Sunlight::kShadowed}), {answer(0.5f), answer(0.5f)});
     EXPECT_EQ(m.falseShadow.all(), 1u);

@@ -51,6 +51,7 @@ TEST(LabPage, HoldsEveryFigureOfEveryMethod) {
         EXPECT_EQ(shown["shadowEdges"].get<double>(), 100 * double(r.falseShadow.atEdges) / double(r.pixels));
         EXPECT_EQ(shown["wrong"].get<double>(), 100 * double(r.falseLit.all() + r.falseShadow.all()) / double(r.pixels));
         EXPECT_EQ(shown["off"].get<double>(), r.difference / double(r.pixels));
+        EXPECT_EQ(shown["soft"].get<double>(), r.softDifference / double(r.pixels));
         EXPECT_EQ(shown["flips"].get<double>(), 1e6 * double(r.flips) / double(r.points));
         EXPECT_EQ(shown["used"].get<double>(), 100 * r.usedShare / 4);
         EXPECT_EQ(shown["unanswered"].get<double>(), 100 * double(r.unanswered) / double(r.pixels));

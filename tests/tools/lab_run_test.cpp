@@ -38,6 +38,7 @@ std::vector<MethodResult> judgedWith(size_t threads) {
     tools::lab::RunConfig config;
     config.width = 96;
     config.height = 54;
+    config.sunRadius = tools::lab::kSunRadius;
     const auto follow = [](size_t, size_t) {};
     const world_tests::TempFolder folder;
     auto kept = tools::TruthStore::open(folder.file("lab.truth"));
@@ -76,6 +77,7 @@ TEST(Lab, CountersErrorsAndPicturesDoNotDependOnThreads) {
             EXPECT_EQ(m.falseShadow.atEdges, n.falseShadow.atEdges);
             EXPECT_EQ(m.falseShadow.elsewhere, n.falseShadow.elsewhere);
             EXPECT_EQ(m.difference, n.difference);
+            EXPECT_EQ(m.softDifference, n.softDifference);
             EXPECT_EQ(m.unanswered, n.unanswered);
             EXPECT_EQ(m.points, n.points);
             EXPECT_EQ(m.flips, n.flips);
@@ -116,6 +118,8 @@ TEST(Lab, TheWorstFrameIsTheOneWithMostWrongPixels) {
         EXPECT_EQ(result.measures.wrong(), sum);
         EXPECT_EQ(result.worst.picture.width, 96);
         EXPECT_EQ(result.worst.picture.height, 54);
+        EXPECT_GT(result.measures.softDifference, 0);  // some pixel lies in a penumbra
+        EXPECT_NE(result.measures.softDifference, result.measures.difference);
         EXPECT_EQ(result.drawn.size(), result.frames);
         // Doughnut draws what is judged, gnomon all frames of the path.
         const std::vector<size_t> judged{1, 2, 4, 5}, all{0, 1, 2, 3, 4, 5};

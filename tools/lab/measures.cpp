@@ -23,6 +23,7 @@ Measures& Measures::operator+=(const Measures& o) {
     falseLit += o.falseLit;
     falseShadow += o.falseShadow;
     difference += o.difference;
+    softDifference += o.softDifference;
     unanswered += o.unanswered;
     points += o.points;
     flips += o.flips;
@@ -53,6 +54,7 @@ Asked sunwardPixels(const culling::TruthFrame& truth) {
 Measures judge(const culling::TruthFrame& truth, const Asked& asked, std::span<const server::ReceiverLight> answers,
                double verticalFov, uint64_t texels) {
     CHECK(answers.size() == asked.pixels.size());
+    CHECK(asked.shares.empty() || asked.shares.size() == answers.size());
     Measures m;
     m.frames = 1;
     m.pixels = answers.size();
@@ -63,6 +65,7 @@ Measures judge(const culling::TruthFrame& truth, const Asked& asked, std::span<c
         const server::ReceiverLight& answer = answers[i];
         const bool truly = truth.states[pixel] == Sunlight::kLit;
         m.difference += std::abs(double(answer.light) - (truly ? 1.0 : 0.0));
+        if (!asked.shares.empty()) m.softDifference += std::abs(double(answer.light) - double(asked.shares[i]));
         if (lit(answer) != truly) {
             Wrong& wrong = truly ? m.falseShadow : m.falseLit;
             ++(culling::edgeRadius(truth.edges[pixel]) <= kEdgeReach * double(answer.texel) ? wrong.atEdges : wrong.elsewhere);

@@ -32,6 +32,7 @@ struct Measures {
     uint64_t pixels = 0;    ///< that face the sun and are within the far distance
     Wrong falseLit, falseShadow;
     double difference = 0;  ///< summed over pixels: |light - truth|
+    double softDifference = 0;  ///< likewise, against the share of the sun's disk that is seen; 0 where nobody traced it
     uint64_t unanswered = 0;  ///< pixels for which no map had an answer
     uint64_t points = 0;    ///< seen in two consecutive frames, with the same truth in both
     uint64_t flips = 0;     ///< of these, with light that differs by more than a half
@@ -50,8 +51,9 @@ struct Measures {
 struct Asked {
     std::vector<uint32_t> pixels;
     std::vector<server::Receiver> receivers;
+    std::vector<float> shares;  ///< of the sun's disk, that each sees; empty: not traced
 };
-/// Those that face the sun.
+/// Those that face the sun, without shares.
 Asked sunwardPixels(const culling::TruthFrame& truth);
 
 /// One frame's, but for flips.

@@ -50,7 +50,7 @@ Json jsonOf(const MethodRecord& r) {
             {"draws", r.aFrame(r.cost.draws)}, {"ms", r.ms}, {"lit", r.percent(r.falseLit.all())},
             {"litEdges", r.percent(r.falseLit.atEdges)}, {"shadow", r.percent(r.falseShadow.all())},
             {"shadowEdges", r.percent(r.falseShadow.atEdges)},
-            {"wrong", r.percent(r.falseLit.all() + r.falseShadow.all())}, {"off", r.meanDifference()},
+            {"wrong", r.percent(r.falseLit.all() + r.falseShadow.all())}, {"off", r.meanDifference()}, {"soft", r.meanSoftDifference()},
             {"flips", r.flipsPerMillion()}, {"ratio50", r.ratio50}, {"ratio99", r.ratio99}, {"used", r.usedPercent()},
             {"unanswered", r.percent(r.unanswered)}, {"worstFrame", r.worstFrame}, {"worstWrong", r.worstWrong},
             {"picture", base64(r.picture)}, {"series", series}};

@@ -62,7 +62,7 @@ struct MethodRecord {
     size_t judged = 0;
     uint64_t pixels = 0;
     Wrong falseLit, falseShadow;
-    double difference = 0;
+    double difference = 0, softDifference = 0;
     uint64_t unanswered = 0, points = 0, flips = 0;
     double ratio50 = 0, ratio99 = 0;  ///< quantiles of texels per pixel
     double usedShare = 0;
@@ -74,6 +74,7 @@ struct MethodRecord {
     double aFrame(uint64_t sum) const { return frames == 0 ? 0 : double(sum) / double(frames); }
     double percent(uint64_t count) const { return pixels == 0 ? 0 : 100 * double(count) / double(pixels); }
     double meanDifference() const { return pixels == 0 ? 0 : difference / double(pixels); }
+    double meanSoftDifference() const { return pixels == 0 ? 0 : softDifference / double(pixels); }
     double flipsPerMillion() const { return points == 0 ? 0 : 1e6 * double(flips) / double(points); }
     double usedPercent() const { return judged == 0 ? 0 : 100 * usedShare / double(judged); }
 };

@@ -21,7 +21,7 @@ using world::Result;
 using world::Statement;
 
 constexpr int64_t kLabId = 0x474c4142;  ///< "GLAB" in the file's header
-constexpr int64_t kLabVersion = 1;
+constexpr int64_t kLabVersion = 2;
 
 constexpr const char* kTables =
     "CREATE TABLE run(key INTEGER PRIMARY KEY, world TEXT, path TEXT, movers TEXT, frames INTEGER, judged INTEGER, "
@@ -29,7 +29,7 @@ constexpr const char* kTables =
     "device TEXT, driver TEXT, threads INTEGER);"
     "CREATE TABLE method(key INTEGER PRIMARY KEY, run INTEGER, name TEXT, settings TEXT, frames INTEGER, "
     "texels INTEGER, casters INTEGER, triangles INTEGER, draws INTEGER, ms REAL, judged INTEGER, pixels INTEGER, "
-    "lit_at_edges INTEGER, lit_elsewhere INTEGER, shadow_at_edges INTEGER, shadow_elsewhere INTEGER, difference REAL, "
+    "lit_at_edges INTEGER, lit_elsewhere INTEGER, shadow_at_edges INTEGER, shadow_elsewhere INTEGER, difference REAL, soft_difference REAL, "
     "unanswered INTEGER, points INTEGER, flips INTEGER, ratio_50 REAL, ratio_99 REAL, used REAL, "
     "worst_frame INTEGER, worst_wrong INTEGER, picture BLOB);"
     "CREATE INDEX method_of_run ON method(run);"
@@ -74,6 +74,7 @@ void eachColumn(Record& r, Visit visit) {
     visit(r.falseShadow.atEdges);
     visit(r.falseShadow.elsewhere);
     visit(r.difference);
+    visit(r.softDifference);
     visit(r.unanswered);
     visit(r.points);
     visit(r.flips);
@@ -193,7 +194,7 @@ Result<std::vector<MethodRecord>> Results::read(const char* condition, uint64_t 
     if (!database_) return records;
     auto statement = database_->prepare(
         (std::string("SELECT key, name, settings, frames, texels, casters, triangles, draws, ms, judged, pixels, lit_at_edges, "
-                     "lit_elsewhere, shadow_at_edges, shadow_elsewhere, difference, unanswered, points, flips, ratio_50, "
+                     "lit_elsewhere, shadow_at_edges, shadow_elsewhere, difference, soft_difference, unanswered, points, flips, ratio_50, "
                      "ratio_99, used, worst_frame, worst_wrong, picture FROM method WHERE ") + condition +
          " = ? ORDER BY name, key").c_str());
     if (!statement) return told(statement.error(), folder_);
@@ -233,7 +234,7 @@ Result<Done> Results::write(const RunRecord& run, uint64_t method, const MethodR
     auto ofRun = database_->prepare(
         "INSERT OR REPLACE INTO run VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
     auto ofMethod = database_->prepare(
-        "INSERT OR REPLACE INTO method VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+        "INSERT OR REPLACE INTO method VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
     auto cleared = database_->prepare("DELETE FROM frame WHERE method = ?");
     auto drawn = database_->prepare("INSERT INTO frame(method, frame, triangles, ms) VALUES(?, ?, ?, ?)");
     auto judged = database_->prepare("INSERT INTO frame VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?)");

@@ -16,6 +16,8 @@ using world::Result;
 
 /// Pairs of frames that are judged where nobody says how many.
 constexpr size_t kPairs = 16;
+/// Rays to the sun's disk from a point: a share of it is right to about a thirtieth.
+constexpr int kDiskRays = 32;
 
 /// The scene's casters at full detail, for rays.
 Result<std::unique_ptr<culling::Truth>> tracedScene(const Scene& scene) {
@@ -137,10 +139,19 @@ Result<std::vector<TruthPair>> traceTruth(const Setting& setting, std::span<cons
                 return truth.value()->trace(question.view, config.width, config.height, setting.farDistance, sun);
             });
             if (!traced) return traced.error();
+            Asked& asked = i == 0 ? pair.askedFirst : pair.askedSecond;
+            asked = sunwardPixels(traced.value());
+            if (config.sunRadius > 0) {
+                const auto shares = store.sunShares(keys[i], config.sunRadius, kDiskRays, [&]() -> Result<std::vector<float>> {
+                    const auto truth = tracer.truth();
+                    if (!truth) return truth.error();
+                    return truth.value()->sunShares(traced.value(), config.sunRadius, kDiskRays);
+                });
+                if (!shares) return shares.error();
+                for (const uint32_t pixel : asked.pixels) asked.shares.push_back(shares.value()[pixel]);
+            }
             (i == 0 ? pair.first : pair.second) = std::move(traced.value());
         }
-        pair.askedFirst = sunwardPixels(pair.first);
-        pair.askedSecond = sunwardPixels(pair.second);
         std::vector<SurfacePoint> points;
         std::vector<size_t> asked;  // which of them face the sun
         for (size_t i = 0; i < pair.first.states.size(); ++i) {

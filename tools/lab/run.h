@@ -16,7 +16,11 @@ struct RunConfig {
     std::vector<culling::ShadowMethod> methods;
     uint64_t every = 0;  ///< truth every so many frames, and in the frame after; 0: some sixteen times
     int width = 320, height = 180;  ///< pixels that are judged
+    double sunRadius = 0;  ///< of the sun's disk [rad], for Measures::softDifference; 0: the disk is not traced
 };
+
+/// What the sun's disk is from the earth [rad].
+constexpr double kSunRadius = 0.00465;
 
 /// One judged frame of a method.
 struct JudgedFrame {
