@@ -1,5 +1,7 @@
 #include "server/terrain_edits.h"
 
+#include <malloc.h>
+
 #include <utility>
 
 namespace server {
@@ -41,6 +43,8 @@ void TerrainEdits::work() {
         const world::TerrainEdit edit = given_.front();
         lock.unlock();
         auto made = terrain_.apply(edit);
+        // Making a mesh takes many times what it comes to, and the heap keeps what small blocks leave free.
+        malloc_trim(0);
         lock.lock();
         given_.pop_front();
         if (made) {
