@@ -68,6 +68,7 @@ std::vector<NamedField> fieldsOf(ShadowMethod& m) {
             {"bias-receiver", &m.bias.receiver, "texels"},
             {"bias-gradient", &m.bias.gradient},
             {"bias-gradient-most", &m.bias.gradientMost, "texels"},
+            {"bias-plane", &m.bias.plane},
             {"bias-normal", &m.bias.normalOffset, "texels"},
             {"filter", &m.filter},
             {"blend", &m.blend},

@@ -43,12 +43,14 @@ enum class Selection : uint8_t {
 };
 
 /// Against surfaces that shade themselves. All add up.
+/// Source: Isidoro, "Shadow Mapping: GPU-based Tips and Techniques", GDC 2006 (the plane).
 struct ShadowBias {
     double constant = 0;  ///< [texels] of the map, added to depths when they are drawn
     double slope = 0;     ///< times the depth's slope over a texel, likewise
     double receiver = 0;  ///< [texels] toward the sun, at the point that asks
     double gradient = 0;  ///< likewise: times what the point's own plane falls from corner to corner of a texel
     double gradientMost = 8;  ///< most that `gradient` moves a point by [texels]
+    bool plane = false;  ///< a tap is compared with the point's own plane where the tap's texel has its middle
     double normalOffset = 0;  ///< [texels] along the point's normal, times the sine of its angle to the sun
 };
 

@@ -89,12 +89,11 @@ ShadowMethod scroll() {
     return method;
 }
 
-/// Gnomon's own. The bias covers half a texel of the level's error, and the fall of the point's own plane over the
-/// texel that the filter reaches. A point flips where cascades change only if the eye goes half of what is blended in one
+/// Gnomon's own. The bias covers half a texel of the level's error, which a slope makes longer along the light. A point flips where cascades change only if the eye goes half of what is blended in one
 /// frame: a fifth of the finest cascade's reach.
 ShadowMethod gnomon() {
     ShadowMethod method{.name = "gnomon"};
-    method.bias = {.receiver = 0.5, .gradient = 1};
+    method.bias = {.receiver = 0.5, .gradient = 0.2, .gradientMost = 16, .plane = true};
     method.filter = Filter::kBox2;
     method.blend = 0.4;
     method.keep = Keep::kCached;

@@ -16,6 +16,9 @@ namespace {
 
 using culling::ShadowView;
 
+/// Most that a point's plane falls on the way to a tap [texels]: of ground under a sun at 2 degrees, 1.4 texels away.
+constexpr double kMostFall = 40;
+
 /// A texel that a filter reads.
 struct Tap {
     glm::ivec2 texel{0};
@@ -152,6 +155,12 @@ double biasOf(const culling::ShadowBias& bias, const glm::dmat2& edges, double t
     return moved;
 }
 
+/// How much deeper a point's own plane is at so far from it across the light [m].
+double fallOf(glm::dvec2 away, double texel, glm::dvec3 normalLight) {
+    const double most = kMostFall * texel, fall = -glm::dot(glm::dvec2(normalLight), away), run = normalLight.z;
+    return std::abs(fall) < most * std::abs(run) ? fall / run : std::copysign(most, run < 0 ? -fall : fall);
+}
+
 /// What one map says, unless the point lies beside it or something that the filter needs is not known.
 std::optional<Sample> sample(const Shading& s, size_t map, const Receiver& receiver) {
     const std::pair<size_t, size_t> views = s.maps[map];
@@ -196,7 +205,9 @@ std::optional<Sample> sample(const Shading& s, size_t map, const Receiver& recei
         const size_t owner = viewAt(views, [&](size_t n) { return insideWedge(s.views[n], {centre, 1}); });
         const double drawn = (double(stored) - cache::kNearestDepth) / (1.0 - cache::kNearestDepth);
         const glm::dvec4 caster = s.lightFromClip[owner] * glm::dvec4(centre, drawn, 1);
-        const bool shadowed = stored < cache::kEmptyDepth && s.views[owner].origin.z + caster.z / caster.w < depth;
+        const glm::dvec3 texelMiddle = s.views[owner].origin + glm::dvec3(caster) / caster.w;
+        const double fall = s.method.bias.plane ? fallOf(glm::dvec2(texelMiddle - p), texel, normal) : 0;
+        const bool shadowed = stored < cache::kEmptyDepth && texelMiddle.z < depth + fall;
         lit += shadowed ? 0 : tap.weight;
     }
     found.answer.light = float(std::min(lit, 1.0));

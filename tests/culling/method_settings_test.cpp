@@ -25,6 +25,7 @@ TEST(MethodSettings, EveryOneReadsBack) {
         }
         EXPECT_EQ(textOf(copy), textOf(method)) << method.name;
         EXPECT_EQ(copy.radii, method.radii);
+        EXPECT_EQ(copy.bias.plane, method.bias.plane);
         EXPECT_EQ(copy.bias.normalOffset, method.bias.normalOffset);
     }
 }

@@ -347,6 +347,10 @@ TEST(Shading, BiasesAreInTexels) {
     const Limits offset = limitsUnder(staged({.normalOffset = 3}), slope, anywhere);
     EXPECT_NEAR(offset.lit, 3 * glm::length(slope) + 0.95, 0.15);
     EXPECT_NEAR(offset.shadowed, 3 * glm::length(slope) - 0.95, 0.15);
+    // By its own plane at each texel's middle, the surface is where it is drawn, anywhere.
+    const Limits plane = limitsUnder(staged({.receiver = 1.5, .plane = true}), slope, anywhere);
+    EXPECT_NEAR(plane.lit, 1.5, 0.11) << "steps of a tenth";
+    EXPECT_NEAR(plane.shadowed, 1.5, 0.11);
     // What acts on drawing changes nothing here.
     const Limits drawn = limitsUnder(staged({.constant = 5, .slope = 5}), slope, anywhere);
     EXPECT_LT(drawn.lit, 1);

@@ -151,6 +151,7 @@ TEST(MethodKey, TellsEveryFieldAndTheRun) {
         [](auto& m) { m.bias.receiver = 1; },
         [](auto& m) { m.bias.gradient = 1; },
         [](auto& m) { m.bias.gradientMost = 1; },
+        [](auto& m) { m.bias.plane = true; },
         [](auto& m) { m.bias.normalOffset = 1; },
         [](auto& m) { m.filter = culling::Filter::kBox2; },
         [](auto& m) { m.blend = 0.1; },

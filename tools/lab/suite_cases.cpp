@@ -30,7 +30,7 @@ const Measure kFlipsPerWrong{"flips a wrong pixel", [](const Measures& m) {
 
 const Contestant kGnomon{"gnomon:side=512"};
 /// One cascade, and each texel as it is: where a case is about texels.
-const Contestant kGnomonOne{"gnomon:side=512:cascades=1:filter=none:blend=0:bias-receiver=1.5:bias-gradient=0"};
+const Contestant kGnomonOne{"gnomon:side=512:cascades=1:filter=none:blend=0:bias-receiver=1.5:bias-gradient=0:bias-plane=no"};
 /// Of what faces the sun [%]: where two maps are blended an answer may be mostly the coarser one's, whose texels are three
 /// times as long as the one that edges are told by.
 constexpr double kBlended = 0.01;
@@ -177,11 +177,11 @@ SuiteCase twoDegrees() {
     const std::string acne = "ground falls by cot 2 = 28.6 texels a texel: a bias of b leaves 0.5 - b / 28.6 of it in its own shadow: ";
     c.claims = {
         fails({"doughnut:side=512"}, kFalseShadowAway, 43, acne + "0.5 - 0.7 / 28.6 = 47.6 %, and a tenth off for the block"),
-        fails({"gnomon:side=512:filter=none:blend=0:bias-receiver=1.5:bias-gradient=0"}, kFalseShadowAway, 40,
+        fails({"gnomon:side=512:filter=none:blend=0:bias-receiver=1.5:bias-gradient=0:bias-plane=no"}, kFalseShadowAway, 40,
               acne + "0.5 - 1.5 / 28.6 = 44.8 %, likewise"),
-        fails(kGnomon, kFalseShadowAway, 10, acne + "8.5 texels at most leave 20 %, and its filter hides some"),
-        holds({"gnomon:side=512:bias-gradient-most=40"}, kWrongAway, kBlended,
-              "a bias by the point's own plane asks 28.6 texels and gets them: " + kExact),
+        fails({"gnomon:side=512:bias-gradient=1:bias-gradient-most=8:bias-plane=no"}, kFalseShadowAway, 10,
+              acne + "8.5 texels at most leave 20 %, and its filter hides some"),
+        holds(kGnomon, kWrongAway, kBlended, "each tap is compared with the point's own plane where it lies: " + kExact),
     };
     return c;
 }

@@ -34,9 +34,7 @@ const std::vector<Knob>& knobs() {
           {{"level-error", "1"}, {"bias-receiver", "1"}}, {{"level-error", "0.5"}, {"bias-receiver", "0.5"}},
           {{"level-error", "0.25"}, {"bias-receiver", "0.25"}}, {{"level-error", "0.125"}, {"bias-receiver", "0.125"}}}},
         {{{{"guard-band", "16"}}, {{"guard-band", "8"}}, {{"guard-band", "4"}}, {{"guard-band", "2"}}, {{"guard-band", "1"}}}},
-        // And the fall of the point's plane over what a filter reaches.
-        {{{{"filter", "none"}, {"bias-gradient", "0.5"}}, {{"filter", "box2"}, {"bias-gradient", "1"}},
-          {{"filter", "box3"}, {"bias-gradient", "1.5"}}}},
+        {{{{"filter", "none"}}, {{"filter", "box2"}}, {{"filter", "box3"}}}},
         {{{{"blend", "0"}}, {{"blend", "0.2"}}, {{"blend", "0.4"}}, {{"blend", "0.6"}}}},
         {{{{"rays", "0"}}, {{"rays", "1024"}}, {{"rays", "4096"}}}},
         {{{{"depth-bits", "16"}}, {{"depth-bits", "32"}}}}};
