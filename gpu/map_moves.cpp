@@ -21,8 +21,6 @@ struct Push {
 };
 static_assert(sizeof(Push) == 20);
 
-constexpr uint32_t kGroup = 64, kMostGroups = 4096;
-
 }  // namespace
 
 Result<MapMoves> MapMoves::create(Device::Impl& device, uint32_t side, DepthFormat format) {
@@ -41,72 +39,12 @@ Result<MapMoves> MapMoves::create(Device::Impl& device, uint32_t side, DepthForm
     if (!depths) return depths.error();
     made.depths_ = std::move(depths.value());
 
-    VkDescriptorSetLayoutBinding binding{};
-    binding.descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
-    binding.descriptorCount = 1;
-    binding.stageFlags = VK_SHADER_STAGE_COMPUTE_BIT;
-    VkDescriptorSetLayoutCreateInfo setInfo{};
-    setInfo.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO;
-    setInfo.bindingCount = 1;
-    setInfo.pBindings = &binding;
-    auto setLayout = SetLayoutHandle::create(device.owner, setInfo, "map moves set layout");
-    if (!setLayout) return setLayout.error();
-    made.setLayout_ = std::move(setLayout.value());
-
-    const VkDescriptorSetLayout setLayouts[] = {made.setLayout_.raw()};
-    const VkPushConstantRange constants{VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof(Push)};
-    VkPipelineLayoutCreateInfo layoutInfo{};
-    layoutInfo.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
-    layoutInfo.setLayoutCount = 1;
-    layoutInfo.pSetLayouts = setLayouts;
-    layoutInfo.pushConstantRangeCount = 1;
-    layoutInfo.pPushConstantRanges = &constants;
-    auto layout = PipelineLayoutHandle::create(device.owner, layoutInfo, "map moves layout");
-    if (!layout) return layout.error();
-    made.layout_ = std::move(layout.value());
-
-    VkShaderModuleCreateInfo module{};
-    module.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-    module.codeSize = sizeof kMoveComp;
-    module.pCode = kMoveComp;
-    const auto shader = ShaderHandle::create(device.owner, module, "map moves shader");
-    if (!shader) return shader.error();
-    VkComputePipelineCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
-    info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-    info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
-    info.stage.module = shader.value().raw();
-    info.stage.pName = "main";
-    info.layout = made.layout_.raw();
-    auto pipeline = ComputePipelineHandle::create(device.owner, info, "map moves");
-    if (!pipeline) return pipeline.error();
-    made.pipeline_ = std::move(pipeline.value());
-
-    const VkDescriptorPoolSize size{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1};
-    VkDescriptorPoolCreateInfo poolInfo{};
-    poolInfo.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO;
-    poolInfo.maxSets = 1;
-    poolInfo.poolSizeCount = 1;
-    poolInfo.pPoolSizes = &size;
-    auto pool = DescriptorPoolHandle::create(device.owner, poolInfo, "map moves descriptors");
-    if (!pool) return pool.error();
-    made.pool_ = std::move(pool.value());
-    VkDescriptorSetAllocateInfo wanted{};
-    wanted.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO;
-    wanted.descriptorPool = made.pool_.raw();
-    wanted.descriptorSetCount = 1;
-    wanted.pSetLayouts = setLayouts;
-    const VkResult allocated = vkAllocateDescriptorSets(device.owner.device, &wanted, &made.set_);
-    if (allocated != VK_SUCCESS) return refused(allocated, "vkAllocateDescriptorSets", "map moves");
-    device.owner.name(VK_OBJECT_TYPE_DESCRIPTOR_SET, reinterpret_cast<uint64_t>(made.set_), "map moves set");
-    const VkDescriptorBufferInfo whole{made.depths_.raw(), 0, VK_WHOLE_SIZE};
-    VkWriteDescriptorSet write{};
-    write.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET;
-    write.dstSet = made.set_;
-    write.descriptorCount = 1;
-    write.descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
-    write.pBufferInfo = &whole;
-    vkUpdateDescriptorSets(device.owner.device, 1, &write, 0, nullptr);
+    const VkDescriptorType bindings[] = {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER};
+    auto adding = Compute::create(
+        device, {.shader = kMoveComp, .bindings = bindings, .pushBytes = sizeof(Push), .name = "map moves"});
+    if (!adding) return adding.error();
+    made.adding_ = std::move(adding.value());
+    made.adding_.bind(0, made.depths_);
     return made;
 }
 
@@ -152,10 +90,7 @@ void MapMoves::add(VkCommandBuffer commands, uint32_t texels, int units) const {
     Push push{.wordCount = halves ? (texels + 1) / 2 : texels, .halves = halves};
     push.units = std::clamp(units, -65535, 65535);
     push.offset = float(push.units / 65535.0);
-    vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline_.raw());
-    vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, layout_.raw(), 0, 1, &set_, 0, nullptr);
-    vkCmdPushConstants(commands, layout_.raw(), VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof push, &push);
-    vkCmdDispatch(commands, std::clamp((push.wordCount + kGroup - 1) / kGroup, 1u, kMostGroups), 1, 1);
+    adding_.record(commands, push.wordCount, &push);
 }
 
 }  // namespace gpu

@@ -4,6 +4,7 @@
 
 #include <span>
 
+#include "gpu/compute.h"
 #include "gpu/frame.h"
 #include "gpu/view_maps.h"
 
@@ -23,11 +24,7 @@ private:
     uint32_t side_ = 0;
     DepthFormat format_ = DepthFormat::kD32;
     Buffer depths_;
-    SetLayoutHandle setLayout_;
-    PipelineLayoutHandle layout_;
-    ComputePipelineHandle pipeline_;
-    DescriptorPoolHandle pool_;
-    VkDescriptorSet set_ = VK_NULL_HANDLE;  ///< freed with its pool
+    Compute adding_;
 };
 
 }  // namespace gpu
