@@ -3,12 +3,11 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <numbers>
 #include <optional>
 
 #include "cache/frame_plan.h"
+#include "server/filter_taps.h"
 #include "world/check.h"
 
 namespace server {
@@ -19,84 +18,22 @@ using culling::ShadowView;
 /// Most that a point's plane falls on the way to a tap [texels]: of ground under a sun at 2 degrees, 1.4 texels away.
 constexpr double kMostFall = 40;
 
-/// A texel that a filter reads.
+/// A texel that a filter reads, and what it counts.
 struct Tap {
     glm::ivec2 texel{0};
     double weight = 0;
 };
 
-/// Taps of one answer; their weights add up to 1.
-struct Taps {
-    std::array<Tap, 9> taps;
-    size_t count = 0;
-    void add(glm::dvec2 at, double weight) { taps[count++] = {glm::ivec2(glm::floor(at)), weight}; }
-    std::span<const Tap> all() const { return {taps.data(), count}; }
-};
-
-/// A Poisson disk of eight: no two are nearer than 0.69 radii, and their mean is the centre to 0.03. The best of
-/// 4,000 sets grown from random candidates.
-constexpr glm::dvec2 kPoissonDisk[8] = {{0.47, -0.81}, {-0.75, -0.33}, {0.60, 0.71},  {-0.67, 0.57},
-                                        {-0.08, 0.95}, {-0.04, -0.10}, {0.94, -0.07}, {-0.22, -0.93}};
-
-/// How far from a point a filter's taps may lie, along x or y [texels].
-double reachOf(culling::Filter filter) {
-    switch (filter) {
-        case culling::Filter::kNone:
-            return 0;
-        case culling::Filter::kBox2:
-            return 0.5;
-        case culling::Filter::kBox3:
-            return 1;
-        case culling::Filter::kPoisson:
-        case culling::Filter::kPoissonRotated:
-        case culling::Filter::kDiskRotated:
-            break;
+/// Tap `i` of a filter for a point at `at` [texels]; weights of all add up to 1.
+///   turn  cosine and sine of the pixel's angle
+Tap tapOf(const FilterTaps& taps, size_t i, glm::dvec2 at, glm::dvec2 turn) {
+    const glm::dvec2 step = taps.steps[i];
+    if (taps.between) {
+        const glm::dvec2 first = glm::floor(at - 0.5), weights = glm::mix(1.0 - (at - 0.5 - first), at - 0.5 - first, step);
+        return {glm::ivec2(first + step), weights.x * weights.y};
     }
-    return kDiskRadius;
-}
-
-/// An angle as good as random for each pixel [rad].
-double angleOf(uint32_t pixel) {
-    uint32_t bits = (pixel ^ pixel >> 16) * 0x9e3779b1u;
-    bits = (bits ^ bits >> 15) * 0x85ebca6bu;
-    return (bits ^ bits >> 13) * (2 * std::numbers::pi / 4294967296.0);
-}
-
-/// The texels that a filter reads for a point at `at` [texels].
-Taps tapsOf(culling::Filter filter, glm::dvec2 at, uint32_t pixel) {
-    Taps taps;
-    const double angle = angleOf(pixel);
-    const glm::dvec2 x(std::cos(angle), std::sin(angle)), y(-x.y, x.x);
-    switch (filter) {
-        case culling::Filter::kNone:
-            taps.add(at, 1);
-            break;
-        case culling::Filter::kBox2: {
-            const glm::dvec2 first = glm::floor(at - 0.5), share = at - 0.5 - first;
-            taps.add(first, (1 - share.x) * (1 - share.y));
-            taps.add(first + glm::dvec2(1, 0), share.x * (1 - share.y));
-            taps.add(first + glm::dvec2(0, 1), (1 - share.x) * share.y);
-            taps.add(first + glm::dvec2(1, 1), share.x * share.y);
-            break;
-        }
-        case culling::Filter::kBox3:
-            for (int i = 0; i < 9; ++i) taps.add(at + glm::dvec2(i % 3 - 1, i / 3 - 1), 1.0 / 9);
-            break;
-        case culling::Filter::kPoisson:
-            for (const glm::dvec2 p : kPoissonDisk) taps.add(at + p * kDiskRadius, 1.0 / 8);
-            break;
-        case culling::Filter::kPoissonRotated:
-            for (const glm::dvec2 p : kPoissonDisk) taps.add(at + (x * p.x + y * p.y) * kDiskRadius, 1.0 / 8);
-            break;
-        case culling::Filter::kDiskRotated:
-            // A quarter turn apart, each in the middle of a ring of the same area.
-            for (int i = 0; i < 4; ++i) {
-                const glm::dvec2 way = (i % 2 ? y : x) * (i < 2 ? 1.0 : -1.0);
-                taps.add(at + way * (kDiskRadius * std::sqrt((i + 0.5) / 4)), 1.0 / 4);
-            }
-            break;
-    }
-    return taps;
+    const glm::dvec2 turned(turn.x * step.x - turn.y * step.y, turn.y * step.x + turn.x * step.y);
+    return {glm::ivec2(glm::floor(at + (taps.turned ? turned : step))), 1.0 / double(taps.count)};
 }
 
 /// What is the same for all points.
@@ -109,7 +46,7 @@ struct Shading {
     std::vector<glm::dmat4> lightFromClip;        // per view, relative to its origin
     std::vector<std::pair<size_t, size_t>> maps;  // first and end of each map's views
     glm::dvec3 forward{0};                        // of the camera, world
-    double reach = 0;                             // filter [texels]
+    FilterTaps taps{};
     double far = 0;                               // where shadows end [m]
 };
 
@@ -184,14 +121,16 @@ std::optional<Sample> sample(const Shading& s, size_t map, const Receiver& recei
     const glm::dvec4 clip = clipOf(view, p);
     if (clip.w <= 0 || clip.z > clip.w) return std::nullopt;
     const glm::dvec2 at = (glm::dvec2(clip) / clip.w + 1.0) * (side / 2.0);
-    const double room = s.method.selection == culling::Selection::kMap ? s.reach : 0;
+    const double room = s.method.selection == culling::Selection::kMap ? s.taps.reach : 0;
     if (std::min(at.x, at.y) < room || std::max(at.x, at.y) >= side - room) return std::nullopt;
 
     const double depth = p.z - biasOf(s.method.bias, edges, texel, normal);
     Sample found;
     double lit = 0;
-    const Taps taps = tapsOf(s.method.filter, at, receiver.pixel);
-    for (const Tap& tap : taps.all()) {
+    const double angle = s.taps.turned ? angleOf(receiver.pixel) : 0;
+    const glm::dvec2 turn(std::cos(angle), std::sin(angle));
+    for (size_t i = 0; i < s.taps.count; ++i) {
+        const Tap tap = tapOf(s.taps, i, at, turn);
         if (glm::any(glm::lessThan(tap.texel, glm::ivec2(0))) ||
             glm::any(glm::greaterThanEqual(tap.texel, glm::ivec2(side)))) {
             found.answer.tapLeft = true;
@@ -214,7 +153,7 @@ std::optional<Sample> sample(const Shading& s, size_t map, const Receiver& recei
     found.answer.texel = float(texel);
     found.answer.view = int8_t(v);
     const glm::dvec2 away = glm::abs(at - side / 2.0);
-    found.outward = std::max(away.x, away.y) / (side / 2.0 - s.reach);
+    found.outward = std::max(away.x, away.y) / (side / 2.0 - s.taps.reach);
     return found;
 }
 
@@ -277,7 +216,7 @@ std::vector<ReceiverLight> shade(const culling::ShadowMethod& method, std::span<
     for (const std::span<const float> image : images)
         CHECK(image.size() == size_t(method.side) * size_t(method.side));
     s.forward = camera.orientation * glm::dvec3(0, 0, -1);
-    s.reach = reachOf(method.filter);
+    s.taps = tapsOf(method.filter);
     std::vector<ReceiverLight> answers(receivers.size());
     tbb::parallel_for(size_t{0}, receivers.size(), [&](size_t i) { answers[i] = lightAt(s, receivers[i]); });
     return answers;

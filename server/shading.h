@@ -13,9 +13,6 @@
 
 namespace server {
 
-/// Radius of the disks that taps lie on [texels].
-constexpr double kDiskRadius = 1.5;
-
 /// A point that asks for light.
 struct Receiver {
     glm::dvec3 point{0};  ///< world [m]

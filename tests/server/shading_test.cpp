@@ -12,6 +12,7 @@
 #include <random>
 
 #include "cache/frame_plan.h"
+#include "server/filter_taps.h"
 
 namespace {
 
