@@ -156,6 +156,7 @@ std::string lackOf(VkPhysicalDevice physical) {
         VkFormatProperties maps;
         vkGetPhysicalDeviceFormatProperties(physical, toVulkan(format), &maps);
         const VkFormatFeatureFlags needed = VK_FORMAT_FEATURE_DEPTH_STENCIL_ATTACHMENT_BIT |
+                                            VK_FORMAT_FEATURE_SAMPLED_IMAGE_BIT |
                                             VK_FORMAT_FEATURE_TRANSFER_SRC_BIT |
                                             VK_FORMAT_FEATURE_TRANSFER_DST_BIT;
         if ((maps.optimalTilingFeatures & needed) != needed) return lack;

@@ -31,6 +31,8 @@ Access accessOf(Use use) {
             return {kCopySourceLayout, VK_PIPELINE_STAGE_2_COPY_BIT, VK_ACCESS_2_TRANSFER_READ_BIT};
         case Use::kCopyTarget:
             return {kCopyTargetLayout, VK_PIPELINE_STAGE_2_COPY_BIT, VK_ACCESS_2_TRANSFER_WRITE_BIT};
+        case Use::kSampled:
+            return {kSampledLayout, VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT, VK_ACCESS_2_SHADER_SAMPLED_READ_BIT};
     }
     CHECK(false);
 }
@@ -123,7 +125,7 @@ Result<VkCommandBuffer> Frame::begin() {
 void Frame::need(DepthMap& map, Use use) {
     // Reads need not wait for reads. Writes wait for writes, those of earlier submissions too: their
     // fence made them available, not visible.
-    if (map.use == use && use == Use::kCopySource) return;
+    if (map.use == use && (use == Use::kCopySource || use == Use::kSampled)) return;
     const Access from = accessOf(map.use), to = accessOf(use);
     VkImageMemoryBarrier2 barrier{};
     barrier.sType = VK_STRUCTURE_TYPE_IMAGE_MEMORY_BARRIER_2;
@@ -136,7 +138,7 @@ void Frame::need(DepthMap& map, Use use) {
     barrier.srcQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
     barrier.dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
     barrier.image = map.image.handle.raw();
-    barrier.subresourceRange = {VK_IMAGE_ASPECT_DEPTH_BIT, 0, 1, 0, 1};
+    barrier.subresourceRange = {VK_IMAGE_ASPECT_DEPTH_BIT, 0, 1, 0, VK_REMAINING_ARRAY_LAYERS};
     barriers_.push_back(barrier);
     changes_.push_back({&map, map.use});
     map.use = use;
@@ -153,7 +155,9 @@ void Frame::barrier() {
 }
 
 void Frame::toHost(const Buffer& buffer) {
-    wait(buffer, {VK_PIPELINE_STAGE_2_COPY_BIT, VK_ACCESS_2_TRANSFER_WRITE_BIT},
+    wait(buffer,
+         {VK_PIPELINE_STAGE_2_COPY_BIT | VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT,
+          VK_ACCESS_2_TRANSFER_WRITE_BIT | VK_ACCESS_2_SHADER_STORAGE_WRITE_BIT},
          {VK_PIPELINE_STAGE_2_HOST_BIT, VK_ACCESS_2_HOST_READ_BIT});
 }
 

@@ -17,6 +17,7 @@ enum class Use {
     kAttachment,  ///< cleared and drawn to
     kCopySource,
     kCopyTarget,
+    kSampled,  ///< read by compute shaders
 };
 
 struct DepthMap {
@@ -28,6 +29,7 @@ struct DepthMap {
 constexpr VkImageLayout kAttachmentLayout = VK_IMAGE_LAYOUT_DEPTH_STENCIL_ATTACHMENT_OPTIMAL;
 constexpr VkImageLayout kCopySourceLayout = VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL;
 constexpr VkImageLayout kCopyTargetLayout = VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL;
+constexpr VkImageLayout kSampledLayout = VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL;
 
 /// Records and submits, one submission at a time, used over and over:
 /// settle, begin, record (need, barrier, stamp), submit. Several of them may be under way at once on
@@ -56,7 +58,7 @@ public:
     void need(DepthMap& map, Use use);
     /// Records one barrier for all needs noted; none if nothing has to wait.
     void barrier();
-    /// Makes what was copied to `buffer` visible to the CPU after the fence.
+    /// Makes what copies and compute shaders wrote to `buffer` visible to the CPU after the fence.
     void toHost(const Buffer& buffer);
     /// Copies and compute shaders after it use `buffer` when those before it are done, and see what they wrote.
     void order(const Buffer& buffer);

@@ -31,6 +31,51 @@ Result<MemoryHandle> allocate(Device::Impl& device, const VkMemoryRequirements& 
     return refused(lastRefusal, "vkAllocateMemory", name + ", " + std::to_string(needs.size) + " bytes");
 }
 
+/// What tells depth images apart.
+struct DepthImage {
+    VkExtent2D layer;
+    uint32_t layers;
+    VkImageUsageFlags usage;
+    VkImageViewType viewType;
+};
+
+Result<Image> createImage(Device::Impl& device, const DepthImage& wanted, DepthFormat format, const std::string& name) {
+    VkImageCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_IMAGE_CREATE_INFO;
+    info.imageType = VK_IMAGE_TYPE_2D;
+    info.format = toVulkan(format);
+    info.extent = {wanted.layer.width, wanted.layer.height, 1};
+    info.mipLevels = 1;
+    info.arrayLayers = wanted.layers;
+    info.samples = VK_SAMPLE_COUNT_1_BIT;
+    info.tiling = VK_IMAGE_TILING_OPTIMAL;
+    info.usage = wanted.usage;
+    info.sharingMode = VK_SHARING_MODE_EXCLUSIVE;
+    info.initialLayout = VK_IMAGE_LAYOUT_UNDEFINED;
+    auto handle = ImageHandle::create(device.owner, info, name);
+    if (!handle) return handle.error();
+    VkMemoryRequirements needs;
+    vkGetImageMemoryRequirements(device.owner.device, handle.value().raw(), &needs);
+
+    // The second wish lets a full GPU go on, slowly, from host memory.
+    const VkMemoryPropertyFlags wishes[] = {VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT, 0};
+    auto memory = allocate(device, needs, wishes, name);
+    if (!memory) return memory.error();
+    const VkResult bound =
+        vkBindImageMemory(device.owner.device, handle.value().raw(), memory.value().raw(), 0);
+    if (bound != VK_SUCCESS) return refused(bound, "vkBindImageMemory", name);
+
+    VkImageViewCreateInfo view{};
+    view.sType = VK_STRUCTURE_TYPE_IMAGE_VIEW_CREATE_INFO;
+    view.image = handle.value().raw();
+    view.viewType = wanted.viewType;
+    view.format = toVulkan(format);
+    view.subresourceRange = {VK_IMAGE_ASPECT_DEPTH_BIT, 0, 1, 0, wanted.layers};
+    auto viewHandle = ImageViewHandle::create(device.owner, view, name + " view");
+    if (!viewHandle) return viewHandle.error();
+    return Image{std::move(memory.value()), std::move(handle.value()), std::move(viewHandle.value())};
+}
+
 }  // namespace
 
 Result<Buffer> createBuffer(Device::Impl& device, uint64_t bytes, VkBufferUsageFlags usage, Home home,
@@ -67,41 +112,15 @@ Result<Buffer> createBuffer(Device::Impl& device, uint64_t bytes, VkBufferUsageF
 
 Result<Image> createDepthImage(Device::Impl& device, uint32_t side, DepthFormat format,
                                const std::string& name) {
-    VkImageCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_IMAGE_CREATE_INFO;
-    info.imageType = VK_IMAGE_TYPE_2D;
-    info.format = toVulkan(format);
-    info.extent = {side, side, 1};
-    info.mipLevels = 1;
-    info.arrayLayers = 1;
-    info.samples = VK_SAMPLE_COUNT_1_BIT;
-    info.tiling = VK_IMAGE_TILING_OPTIMAL;
-    info.usage = VK_IMAGE_USAGE_DEPTH_STENCIL_ATTACHMENT_BIT | VK_IMAGE_USAGE_TRANSFER_SRC_BIT |
-                 VK_IMAGE_USAGE_TRANSFER_DST_BIT;
-    info.sharingMode = VK_SHARING_MODE_EXCLUSIVE;
-    info.initialLayout = VK_IMAGE_LAYOUT_UNDEFINED;
-    auto handle = ImageHandle::create(device.owner, info, name);
-    if (!handle) return handle.error();
-    VkMemoryRequirements needs;
-    vkGetImageMemoryRequirements(device.owner.device, handle.value().raw(), &needs);
+    constexpr VkImageUsageFlags kUsage = VK_IMAGE_USAGE_DEPTH_STENCIL_ATTACHMENT_BIT |
+                                         VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT;
+    return createImage(device, {{side, side}, 1, kUsage, VK_IMAGE_VIEW_TYPE_2D}, format, name);
+}
 
-    // The second wish lets a full GPU go on, slowly, from host memory.
-    const VkMemoryPropertyFlags wishes[] = {VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT, 0};
-    auto memory = allocate(device, needs, wishes, name);
-    if (!memory) return memory.error();
-    const VkResult bound =
-        vkBindImageMemory(device.owner.device, handle.value().raw(), memory.value().raw(), 0);
-    if (bound != VK_SUCCESS) return refused(bound, "vkBindImageMemory", name);
-
-    VkImageViewCreateInfo view{};
-    view.sType = VK_STRUCTURE_TYPE_IMAGE_VIEW_CREATE_INFO;
-    view.image = handle.value().raw();
-    view.viewType = VK_IMAGE_VIEW_TYPE_2D;
-    view.format = toVulkan(format);
-    view.subresourceRange = {VK_IMAGE_ASPECT_DEPTH_BIT, 0, 1, 0, 1};
-    auto viewHandle = ImageViewHandle::create(device.owner, view, name + " view");
-    if (!viewHandle) return viewHandle.error();
-    return Image{std::move(memory.value()), std::move(handle.value()), std::move(viewHandle.value())};
+Result<Image> createDepthArray(Device::Impl& device, VkExtent2D layer, uint32_t layers, DepthFormat format,
+                               const std::string& name) {
+    constexpr VkImageUsageFlags kUsage = VK_IMAGE_USAGE_SAMPLED_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT;
+    return createImage(device, {layer, layers, kUsage, VK_IMAGE_VIEW_TYPE_2D_ARRAY}, format, name);
 }
 
 Result<GrowingBuffer> GrowingBuffer::create(Device::Impl& device, uint64_t bytes, VkBufferUsageFlags usage,

@@ -38,6 +38,9 @@ struct Image {
 /// side x side texels, one level: drawn to and copied from and to. kDevice when the driver refuses.
 world::Result<Image> createDepthImage(Device::Impl& device, uint32_t side, DepthFormat format,
                                       const std::string& name);
+/// Layers of width x height texels, one level: copied to and read by shaders, as an array. kDevice likewise.
+world::Result<Image> createDepthArray(Device::Impl& device, VkExtent2D layer, uint32_t layers, DepthFormat format,
+                                      const std::string& name);
 
 /// A buffer that only grows, so that a steady state allocates nothing. What it held is lost when it
 /// grows: it is written anew every frame.
