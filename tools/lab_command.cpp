@@ -50,6 +50,7 @@ Result<int> runLab(const LabOptions& options) {
     lab::Session& s = *session.value();
     s.run.methods = std::move(methods.value());
     s.run.sunRadius = lab::kSunRadius;
+    s.setting->shadingTimed = true;
     std::optional<Progress> progress;
     const auto follow = [&](const std::string& name) -> lab::Follow {
         progress.emplace(name, std::cerr, stderrIsTerminal());

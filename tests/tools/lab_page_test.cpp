@@ -45,6 +45,7 @@ TEST(LabPage, HoldsEveryFigureOfEveryMethod) {
         EXPECT_EQ(shown["texels"].get<double>(), double(r.cost.texels) / 60);
         EXPECT_EQ(shown["draws"].get<double>(), double(r.cost.draws) / 60);
         EXPECT_EQ(shown["ms"].get<double>(), r.ms);
+        EXPECT_EQ(shown["shadingMs"].get<double>(), r.shadingMs);
         EXPECT_EQ(shown["lit"].get<double>(), 100 * double(r.falseLit.all()) / double(r.pixels));
         EXPECT_EQ(shown["litEdges"].get<double>(), 100 * double(r.falseLit.atEdges) / double(r.pixels));
         EXPECT_EQ(shown["shadow"].get<double>(), 100 * double(r.falseShadow.all()) / double(r.pixels));

@@ -40,7 +40,7 @@ inline tools::lab::MethodRecord someMethod(const std::string& name, uint32_t see
                             &r.falseLit.elsewhere, &r.falseShadow.atEdges, &r.falseShadow.elsewhere, &r.unanswered, &r.points,
                             &r.flips, &r.worstWrong})
         *value = count();
-    for (double* value : {&r.ms, &r.difference, &r.softDifference, &r.ratio50, &r.ratio99, &r.usedShare}) *value = real();
+    for (double* value : {&r.ms, &r.shadingMs, &r.difference, &r.softDifference, &r.ratio50, &r.ratio99, &r.usedShare}) *value = real();
     r.frames = 60;
     r.judged = 4;
     r.worstFrame = 31;

@@ -27,6 +27,7 @@ void expectEqual(const MethodRecord& a, const MethodRecord& b) {
     EXPECT_EQ(a.frames, b.frames);
     EXPECT_EQ(a.cost, b.cost);
     EXPECT_EQ(a.ms, b.ms);
+    EXPECT_EQ(a.shadingMs, b.shadingMs);
     EXPECT_EQ(a.judged, b.judged);
     EXPECT_EQ(a.pixels, b.pixels);
     EXPECT_EQ(a.falseLit.atEdges, b.falseLit.atEdges);

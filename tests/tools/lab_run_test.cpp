@@ -34,7 +34,8 @@ std::vector<MethodResult> judgedWith(size_t threads) {
     const auto light = culling::makeLightSpace(store.header().sun).value();
     auto scene = tools::lab::Scene::load(store, path, 120, light, none);
     EXPECT_TRUE(scene);
-    const tools::lab::Setting setting{tests::validatedDevice(), store, scene.value(), none, light, 120, glm::radians(60.0)};
+    tools::lab::Setting setting{tests::validatedDevice(), store, scene.value(), none, light, 120, glm::radians(60.0)};
+    setting.shadingTimed = true;
     tools::lab::RunConfig config;
     config.width = 96;
     config.height = 54;
@@ -121,6 +122,8 @@ TEST(Lab, TheWorstFrameIsTheOneWithMostWrongPixels) {
         EXPECT_GT(result.measures.softDifference, 0);  // some pixel lies in a penumbra
         EXPECT_NE(result.measures.softDifference, result.measures.difference);
         EXPECT_EQ(result.drawn.size(), result.frames);
+        ASSERT_EQ(result.shadingMs.size(), 2u) << "once for each pair";
+        for (const double ms : result.shadingMs) EXPECT_GT(ms, 0);
         // Doughnut draws what is judged, gnomon all frames of the path.
         const std::vector<size_t> judged{1, 2, 4, 5}, all{0, 1, 2, 3, 4, 5};
         EXPECT_EQ(result.drawn, result.method.name == "gnomon" ? all : judged);

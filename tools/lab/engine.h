@@ -46,6 +46,7 @@ struct Setting {
     std::vector<Removal> removals{};  ///< ascending in time
     server::ShadowConfig cache{};     ///< of the cache, where neither method nor setting say otherwise
     Defect defect = Defect::kNone;
+    bool shadingTimed = false;  ///< the GPU shades a screen, too, for the time that it takes
 };
 
 /// Nearer than this to the eye [m] nothing is shadowed by methods that slice the view.

@@ -47,7 +47,7 @@ Json jsonOf(const MethodRecord& r) {
     }
     return {{"name", r.name}, {"fields", fields}, {"frames", r.frames}, {"judged", r.judged}, {"pixels", r.pixels},
             {"points", r.points}, {"triangles", r.aFrame(r.cost.triangles)}, {"texels", r.aFrame(r.cost.texels)},
-            {"draws", r.aFrame(r.cost.draws)}, {"ms", r.ms}, {"lit", r.percent(r.falseLit.all())},
+            {"draws", r.aFrame(r.cost.draws)}, {"ms", r.ms}, {"shadingMs", r.shadingMs}, {"lit", r.percent(r.falseLit.all())},
             {"litEdges", r.percent(r.falseLit.atEdges)}, {"shadow", r.percent(r.falseShadow.all())},
             {"shadowEdges", r.percent(r.falseShadow.atEdges)},
             {"wrong", r.percent(r.falseLit.all() + r.falseShadow.all())}, {"off", r.meanDifference()}, {"soft", r.meanSoftDifference()},

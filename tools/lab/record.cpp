@@ -90,6 +90,7 @@ world::Result<MethodRecord> recordOf(const MethodResult& result) {
     record.frames = result.frames;
     record.cost = result.cost;
     record.ms = median(result.ms);
+    record.shadingMs = median(result.shadingMs);
     record.judged = m.frames;
     record.pixels = m.pixels;
     record.falseLit = m.falseLit;
@@ -128,8 +129,8 @@ uint64_t methodKey(const RunRecord& run, const culling::ShadowMethod& method) {
 std::string tableHead() {
     char line[256];
     std::snprintf(line, sizeof line,
-                  "%-18s %10s %10s %9s %9s | %9s %9s %9s %9s %9s %9s | %10s | %6s %6s %6s %7s", "method", "triangles", "texels",
-                  "draws", "ms", "lit %", "at edges", "shadow %", "at edges", "mean off", "soft off", "flips/M", "p50", "p99", "used %",
+                  "%-18s %10s %10s %9s %9s %9s | %9s %9s %9s %9s %9s %9s | %10s | %6s %6s %6s %7s", "method", "triangles", "texels",
+                  "draws", "ms", "shade ms", "lit %", "at edges", "shadow %", "at edges", "mean off", "soft off", "flips/M", "p50", "p99", "used %",
                   "no map %");
     return line;
 }
@@ -137,8 +138,8 @@ std::string tableHead() {
 std::string tableRow(const MethodRecord& r) {
     char line[512];
     std::snprintf(line, sizeof line,
-                  "%-18s %10.0f %10.0f %9.0f %9.2f | %9.4f %9.4f %9.4f %9.4f %9.5f %9.5f | %10.1f | %6.2f %6.2f %6.2f %7.3f",
-                  r.name.c_str(), r.aFrame(r.cost.triangles), r.aFrame(r.cost.texels), r.aFrame(r.cost.draws), r.ms,
+                  "%-18s %10.0f %10.0f %9.0f %9.2f %9.2f | %9.4f %9.4f %9.4f %9.4f %9.5f %9.5f | %10.1f | %6.2f %6.2f %6.2f %7.3f",
+                  r.name.c_str(), r.aFrame(r.cost.triangles), r.aFrame(r.cost.texels), r.aFrame(r.cost.draws), r.ms, r.shadingMs,
                   r.percent(r.falseLit.all()), r.percent(r.falseLit.atEdges), r.percent(r.falseShadow.all()),
                   r.percent(r.falseShadow.atEdges), r.meanDifference(), r.meanSoftDifference(), r.flipsPerMillion(), r.ratio50, r.ratio99,
                   r.usedPercent(), r.percent(r.unanswered));

@@ -58,7 +58,8 @@ struct MethodRecord {
     std::vector<culling::MethodSetting> fields;
     size_t frames = 0;
     cache::Cost cost;
-    double ms = 0;  ///< median over the frames; the only figure that is not deterministic
+    double ms = 0;  ///< median over the frames; not deterministic
+    double shadingMs = 0;  ///< of the GPU's deferred pass over a screen, median over judged pairs; not deterministic
     size_t judged = 0;
     uint64_t pixels = 0;
     Wrong falseLit, falseShadow;

@@ -28,7 +28,7 @@ constexpr const char* kTables =
     "begins REAL, ends REAL, far REAL, fov REAL, sun_x REAL, sun_y REAL, sun_z REAL, width INTEGER, height INTEGER, "
     "device TEXT, driver TEXT, threads INTEGER);"
     "CREATE TABLE method(key INTEGER PRIMARY KEY, run INTEGER, name TEXT, settings TEXT, frames INTEGER, "
-    "texels INTEGER, casters INTEGER, triangles INTEGER, draws INTEGER, ms REAL, judged INTEGER, pixels INTEGER, "
+    "texels INTEGER, casters INTEGER, triangles INTEGER, draws INTEGER, ms REAL, shading_ms REAL, judged INTEGER, pixels INTEGER, "
     "lit_at_edges INTEGER, lit_elsewhere INTEGER, shadow_at_edges INTEGER, shadow_elsewhere INTEGER, difference REAL, soft_difference REAL, "
     "unanswered INTEGER, points INTEGER, flips INTEGER, ratio_50 REAL, ratio_99 REAL, used REAL, "
     "worst_frame INTEGER, worst_wrong INTEGER, picture BLOB);"
@@ -67,6 +67,7 @@ void eachColumn(Record& r, Visit visit) {
     visit(r.cost.triangles);
     visit(r.cost.draws);
     visit(r.ms);
+    visit(r.shadingMs);
     visit(r.judged);
     visit(r.pixels);
     visit(r.falseLit.atEdges);
@@ -193,7 +194,7 @@ Result<std::vector<MethodRecord>> Results::read(const char* condition, uint64_t 
     std::vector<MethodRecord> records;
     if (!database_) return records;
     auto statement = database_->prepare(
-        (std::string("SELECT key, name, settings, frames, texels, casters, triangles, draws, ms, judged, pixels, lit_at_edges, "
+        (std::string("SELECT key, name, settings, frames, texels, casters, triangles, draws, ms, shading_ms, judged, pixels, lit_at_edges, "
                      "lit_elsewhere, shadow_at_edges, shadow_elsewhere, difference, soft_difference, unanswered, points, flips, ratio_50, "
                      "ratio_99, used, worst_frame, worst_wrong, picture FROM method WHERE ") + condition +
          " = ? ORDER BY name, key").c_str());
@@ -234,7 +235,7 @@ Result<Done> Results::write(const RunRecord& run, uint64_t method, const MethodR
     auto ofRun = database_->prepare(
         "INSERT OR REPLACE INTO run VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
     auto ofMethod = database_->prepare(
-        "INSERT OR REPLACE INTO method VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+        "INSERT OR REPLACE INTO method VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
     auto cleared = database_->prepare("DELETE FROM frame WHERE method = ?");
     auto drawn = database_->prepare("INSERT INTO frame(method, frame, triangles, ms) VALUES(?, ?, ?, ?)");
     auto judged = database_->prepare("INSERT INTO frame VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?)");

@@ -4,6 +4,7 @@
 #include <map>
 
 #include "tools/lab/picture.h"
+#include "tools/lab/shading_time.h"
 #include "world/check.h"
 
 namespace tools::lab {
@@ -70,7 +71,7 @@ private:
 class Judge {
 public:
     Judge(const Setting& setting, const culling::ShadowMethod& method, Engine& engine, MethodResult& result)
-        : setting_(setting), method_(method), engine_(engine), result_(result) {}
+        : setting_(setting), method_(method), engine_(engine), result_(result), time_(setting, method) {}
 
     Result<Done> read(const world::Pose& pose) {
         auto images = engine_.images();
@@ -80,8 +81,13 @@ public:
         return Done{};
     }
     std::vector<server::ReceiverLight> ask(const Asked& asked) const {
-        const std::vector<std::span<const float>> spans(images_.begin(), images_.end());
-        return server::shade(method_, engine_.views(), engine_.light(), view_, spans, asked.receivers);
+        return server::shade(method_, engine_.views(), engine_.light(), view_, spans(), asked.receivers);
+    }
+    Result<Done> time(const culling::TruthFrame& truth, const Asked& asked) {
+        const auto ms = time_.measure(engine_, view_, spans(), truth, asked);
+        if (!ms) return ms.error();
+        result_.shadingMs.push_back(ms.value());
+        return Done{};
     }
     std::vector<server::ReceiverLight> add(const culling::TruthFrame& truth, const Asked& asked, size_t frame, const FrameCost& cost) {
         auto answers = ask(asked);
@@ -96,10 +102,13 @@ public:
     }
 
 private:
+    std::vector<std::span<const float>> spans() const { return {images_.begin(), images_.end()}; }
+
     const Setting& setting_;
     const culling::ShadowMethod& method_;
     Engine& engine_;
     MethodResult& result_;
+    ShadingTime time_;
     std::vector<std::vector<float>> images_;
     culling::View view_;
 };
@@ -202,6 +211,8 @@ Result<MethodResult> judgeMethod(const Setting& setting, std::span<const world::
             if (first || second)
                 if (const auto read = judge.read(poses[at]); !read) return read.error();
             if (first) before = judge.add(truth[pair].first, truth[pair].askedFirst, at, cost.value());
+            if (first && setting.shadingTimed)
+                if (const auto timed = judge.time(truth[pair].first, truth[pair].askedFirst); !timed) return timed.error();
             if (second) {
                 judge.add(truth[pair].second, truth[pair].askedSecond, at, cost.value());
                 const auto after = judge.ask(truth[pair].askedFirst);

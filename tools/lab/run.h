@@ -43,6 +43,7 @@ struct MethodResult {
     std::vector<size_t> drawn;        ///< numbers of these frames in the path, ascending
     std::vector<uint64_t> triangles;  ///< by frame, in order
     std::vector<double> ms;           ///< likewise
+    std::vector<double> shadingMs;    ///< of the first frame of each judged pair; see ShadingTime; empty if not timed
     Measures measures;                ///< summed over the judged frames
     std::vector<JudgedFrame> judged;
     WorstFrame worst;
