@@ -66,6 +66,7 @@ float insideWedge(int view, vec3 xyw) {
 /// The view of a map in whose wedge a point lies deepest.
 int viewOver(Map map, vec3 p) {
     int best = map.first;
+    if (map.end - map.first == 1) return best;
     float most = insideWedge(best, clipOf(best, p).xyw);
     for (int v = map.first + 1; v < map.end; ++v) {
         const float inside = insideWedge(v, clipOf(v, p).xyw);
@@ -80,6 +81,7 @@ int viewOver(Map map, vec3 p) {
 /// The same for a place of the map.
 int ownerOf(Map map, vec2 centre) {
     int best = map.first;
+    if (map.end - map.first == 1) return best;
     float most = insideWedge(best, vec3(centre, 1.0));
     for (int v = map.first + 1; v < map.end; ++v) {
         const float inside = insideWedge(v, vec3(centre, 1.0));
@@ -130,7 +132,7 @@ float weightOf(int i, vec2 at) {
 bool shadows(Map map, ivec2 texel, float stored, float depth) {
     if (stored >= kEmptyDepth) return false;
     const vec2 centre = (vec2(texel) + 0.5) * (2.0 / s.side) - 1.0;
-    const int owner = map.end - map.first > 1 ? ownerOf(map, centre) : map.first;
+    const int owner = ownerOf(map, centre);
     const float drawn = (stored - kNearestDepth) / (1.0 - kNearestDepth);
     const vec4 caster = s.views[owner].eyeFromClip * vec4(centre, drawn, 1.0);
     return caster.z / caster.w < depth;
