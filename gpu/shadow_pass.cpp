@@ -43,7 +43,8 @@ struct Scene {
     float blend, fade, far, reach;
     int32_t side;
     uint32_t byInterval;
-    int32_t unused[2];
+    float mostFall;
+    int32_t unused;
 };
 static_assert(sizeof(View) == 192 && sizeof(Map) == 32 && sizeof(Scene) == 2048);
 static_assert(sizeof(PassReceiver) == 32 && sizeof(PassAnswer) == 8);
@@ -96,6 +97,7 @@ Scene sceneOf(const ShadowPassConfig& config, const PassScene& scene) {
     made.reach = config.taps.reach;
     made.side = config.side;
     made.byInterval = scene.byInterval;
+    made.mostFall = scene.mostFall;
     return made;
 }
 

@@ -54,6 +54,7 @@ struct PassScene {
     bool byInterval = false;          ///< the map is selected by the distance along the view; else the finest is taken
     float receiverBias = 0;           ///< [texels] toward the sun
     float gradientBias = 0, gradientMost = 0;  ///< [texels] by the slope of the point's own plane, and its most
+    float mostFall = 0;               ///< [texels] of the point's own plane on the way to a tap, which is compared with that; 0: not
     float normalOffset = 0;           ///< [texels] along the normal, times the sine of its angle to the sun
     float blend = 0;                  ///< share over which a map is blended into the next
     float fade = 0;                   ///< share of `far` over which shadows fade out

@@ -47,6 +47,7 @@ gpu::PassScene passScene(const culling::ShadowMethod& method, std::span<const cu
     scene.receiverBias = float(method.bias.receiver);
     scene.gradientBias = float(method.bias.gradient);
     scene.gradientMost = float(method.bias.gradientMost);
+    scene.mostFall = method.bias.plane ? float(kMostFall) : 0;
     scene.normalOffset = float(method.bias.normalOffset);
     scene.blend = float(method.blend);
     scene.fade = float(method.fade);

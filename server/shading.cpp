@@ -15,9 +15,6 @@ namespace {
 
 using culling::ShadowView;
 
-/// Most that a point's plane falls on the way to a tap [texels]: of ground under a sun at 2 degrees, 1.4 texels away.
-constexpr double kMostFall = 40;
-
 /// A texel that a filter reads, and what it counts.
 struct Tap {
     glm::ivec2 texel{0};
@@ -95,7 +92,8 @@ double biasOf(const culling::ShadowBias& bias, const glm::dmat2& edges, double t
 /// How much deeper a point's own plane is at so far from it across the light [m].
 double fallOf(glm::dvec2 away, double texel, glm::dvec3 normalLight) {
     const double most = kMostFall * texel, fall = -glm::dot(glm::dvec2(normalLight), away), run = normalLight.z;
-    return std::abs(fall) < most * std::abs(run) ? fall / run : std::copysign(most, run < 0 ? -fall : fall);
+    if (std::abs(fall) < most * std::abs(run)) return fall / run;
+    return (fall < 0) != (run < 0) ? -most : most;
 }
 
 /// What one map says, unless the point lies beside it or something that the filter needs is not known.

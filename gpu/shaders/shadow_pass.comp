@@ -40,6 +40,7 @@ layout(std140, set = 0, binding = 0) uniform Scene {
     float blend, fade, far, reach;
     int side;
     bool byInterval;
+    float mostFall;
 } s;
 layout(set = 0, binding = 1) uniform texture2DArray depths;
 layout(std430, set = 0, binding = 2) readonly buffer Receivers { Receiver receivers[]; };
@@ -128,14 +129,22 @@ float weightOf(int i, vec2 at) {
     return weights.x * weights.y;
 }
 
-/// Whether a texel that is drawn shadows a depth.
-bool shadows(Map map, ivec2 texel, float stored, float depth) {
+/// How much deeper a point's own plane is at so far from it across the light [m].
+float fallOf(vec2 away, float most, vec3 normal) {
+    const float fall = -dot(normal.xy, away), run = normal.z;
+    if (abs(fall) < most * abs(run)) return fall / run;
+    return (fall < 0.0) != (run < 0.0) ? -most : most;
+}
+
+/// Whether a texel that is drawn shadows a point at `p`, whose plane falls by `most` at most; z is what is compared.
+bool shadows(Map map, ivec2 texel, float stored, vec3 p, float most, vec3 normal) {
     if (stored >= kEmptyDepth) return false;
     const vec2 centre = (vec2(texel) + 0.5) * (2.0 / s.side) - 1.0;
     const int owner = ownerOf(map, centre);
     const float drawn = (stored - kNearestDepth) / (1.0 - kNearestDepth);
     const vec4 caster = s.views[owner].eyeFromClip * vec4(centre, drawn, 1.0);
-    return caster.z / caster.w < depth;
+    const vec3 middle = caster.xyz / caster.w;
+    return middle.z < p.z + (most > 0.0 ? fallOf(middle.xy - p.xy, most, normal) : 0.0);
 }
 
 /// What one map says of a point.
@@ -156,7 +165,7 @@ Sample sampleMap(Map map, vec3 p, vec3 normal, uint pixel) {
     const float room = s.byInterval ? 0.0 : s.reach;
     if (min(at.x, at.y) < room || max(at.x, at.y) >= s.side - room) return kNoSample;
 
-    const float depth = p.z - biasOf(edges, texel, normal);
+    const vec3 compared = vec3(p.xy, p.z - biasOf(edges, texel, normal));
     const vec2 turn = kTurned ? turnOf(pixel) : vec2(1.0, 0.0);
     float lit = 0.0;
     for (int i = 0; i < kTaps; ++i) {
@@ -166,7 +175,7 @@ Sample sampleMap(Map map, vec3 p, vec3 normal, uint pixel) {
         if (all(greaterThanEqual(tap, ivec2(0))) && all(lessThan(tap, ivec2(s.side)))) {
             const float stored = texelFetch(depths, ivec3(tap, 0) + map.corner, 0).r;
             if (stored == kUnknownDepth) return kNoSample;
-            shadowed = shadows(map, tap, stored, depth);
+            shadowed = shadows(map, tap, stored, compared, s.mostFall * texel, normal);
         }
         lit += shadowed ? 0.0 : weightOf(i, at);
     }
