@@ -48,7 +48,7 @@ Result<Done> requirePlacement(world::CasterId id, const world::Box& mesh, const 
 
 }  // namespace
 
-void ShadowRays::aim(size_t lane, const glm::dvec3& from, const glm::dvec3& direction, float length) {
+void ShadowRays::aim(size_t lane, const glm::dvec3& from, const glm::dvec3& direction, float length, uint32_t id) {
     valid_[lane] = -1;
     rays_.org_x[lane] = static_cast<float>(from.x);
     rays_.org_y[lane] = static_cast<float>(from.y);
@@ -57,6 +57,7 @@ void ShadowRays::aim(size_t lane, const glm::dvec3& from, const glm::dvec3& dire
     rays_.dir_y[lane] = static_cast<float>(direction.y);
     rays_.dir_z[lane] = static_cast<float>(direction.z);
     rays_.tfar[lane] = length;
+    rays_.id[lane] = id;
     rays_.mask[lane] = 0xffffffffu;
 }
 

@@ -26,9 +26,10 @@ constexpr size_t kPacket = 16;  ///< rays that are traced together
 /// Up to 16 rays, each toward something that may be hidden.
 class ShadowRays {
 public:
-    /// Each lane at most once; all in the scene's frame. `length` counts in lengths of `direction`.
+    /// Each lane at most once; all in the scene's frame. `length` counts in lengths of `direction`; filters of the
+    /// scene know the ray by `id`.
     void aim(size_t lane, const glm::dvec3& from, const glm::dvec3& direction,
-             float length = std::numeric_limits<float>::infinity());
+             float length = std::numeric_limits<float>::infinity(), uint32_t id = 0);
     void shoot(RTCScene scene);
     bool aimed(size_t lane) const { return valid_[lane] != 0; }
     bool blocked(size_t lane) const { return rays_.tfar[lane] < 0; }
