@@ -1,17 +1,16 @@
 #include "culling/hidden_casters.h"
 
 #include <algorithm>
-#include <set>
 #include <utility>
 
 #include "culling/caster_query.h"
 
 namespace culling {
 
-HiddenCasters provenHidden(const world::CasterTable& table, const LightCasters& light, const MapTexels& map,
-                           std::span<const world::CasterId> asked, const world::Octree& statics,
-                           const SearchConfig& config) {
-    HiddenCasters found;
+ProvenHidden provenHidden(const world::CasterTable& table, const LightCasters& light, const MapTexels& map,
+                          std::span<const world::CasterId> asked, const world::Octree& statics,
+                          const SearchConfig& config) {
+    ProvenHidden found;
     const double texel = light.cascades()[static_cast<size_t>(map.cascade)].texel;
     const glm::dvec2 low = glm::dvec2(map.low) * texel, high = low + map.side * texel;
     const glm::i64vec2 end = map.low + int64_t(map.side);
@@ -23,18 +22,21 @@ HiddenCasters provenHidden(const world::CasterTable& table, const LightCasters& 
     for (const Footprint& f : feet) {
         first = glm::min(first, f.low);
         last = glm::max(last, f.high);
-        found.rays += f.rays();
+        found.whole.rays += f.rays();
     }
     std::vector<world::CasterId> provers;
     castersOver(statics, light, glm::dvec2(first) * texel, glm::dvec2(last) * texel, provers);
-    std::set<std::pair<world::CasterId, size_t>> hidden;
-    for (const HiddenCluster& h : hiddenClusters(table, light, map.cascade, feet, provers, config)) hidden.insert({h.caster, h.cluster});
+    auto& hidden = found.clusters;
+    for (const HiddenCluster& h : hiddenClusters(table, light, map.cascade, feet, provers, config)) hidden.push_back({h.caster, h.cluster});
+    std::sort(hidden.begin(), hidden.end());
     for (const world::CasterId caster : asked) {
         const glm::dvec2 origin(light[caster].origin), from = low - origin, to = high - origin;
         bool all = true;
         eachMeeting(light.rects(caster, map.cascade).rows, {roundedDown(from.x), roundedDown(from.y)},
-                    {roundedUp(to.x), roundedUp(to.y)}, [&](size_t k) { all = all && hidden.contains({caster, k}); });
-        if (all) found.casters.push_back(caster);
+                    {roundedUp(to.x), roundedUp(to.y)}, [&](size_t k) {
+            all = all && std::binary_search(hidden.begin(), hidden.end(), std::pair(caster, uint32_t(k)));
+        });
+        if (all) found.whole.casters.push_back(caster);
     }
     return found;
 }

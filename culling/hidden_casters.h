@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "culling/caster_texels.h"
@@ -19,13 +20,19 @@ struct HiddenCasters {
     uint64_t rays = 0;                     ///< that were shot, or texel centres asked about
 };
 
-/// Those of the casters all of whose clusters that meet the map are proven hidden (culling/hidden_clusters.h), whatever
-/// lies beside the map.
+struct ProvenHidden {
+    HiddenCasters whole;
+    /// Of these casters and of others, ascending.
+    std::vector<std::pair<world::CasterId, uint32_t>> clusters;
+};
+
+/// The clusters of the casters that meet the map and are proven hidden (culling/hidden_clusters.h), and the casters of
+/// which that is every one, whatever lies beside the map.
 ///   asked    static casters
 ///   statics  octree of all static casters: what may hide them
 /// Runs on all of TBB's threads and gives the same answer for any number of them.
-HiddenCasters provenHidden(const world::CasterTable& table, const LightCasters& light, const MapTexels& map,
-                           std::span<const world::CasterId> asked, const world::Octree& statics,
-                           const SearchConfig& config);
+ProvenHidden provenHidden(const world::CasterTable& table, const LightCasters& light, const MapTexels& map,
+                          std::span<const world::CasterId> asked, const world::Octree& statics,
+                          const SearchConfig& config);
 
 }  // namespace culling

@@ -26,6 +26,7 @@ struct LabOptions {
     std::string methods;
     std::string out;  ///< empty: NAME.lab
     bool suite = false;
+    bool occlusion = false;
 };
 
 Result<std::vector<culling::ShadowMethod>> methodsOf(const std::string& names) {
@@ -43,7 +44,8 @@ Result<std::vector<culling::ShadowMethod>> methodsOf(const std::string& names) {
 Result<int> runLab(const LabOptions& options) {
     if (options.session.world.empty() || options.session.path.empty())
         return Error{ErrorCode::kUsage, "lab: give a world file and a camera's --path, or --suite, which needs neither"};
-    auto methods = methodsOf(options.methods);
+    Result<std::vector<culling::ShadowMethod>> methods = std::vector<culling::ShadowMethod>();
+    if (!options.occlusion || !options.methods.empty()) methods = methodsOf(options.methods);
     if (!methods) return methods.error();
     const auto session = lab::openSession(options.session);
     if (!session) return session.error();
@@ -65,8 +67,15 @@ Result<int> runLab(const LabOptions& options) {
     };
     const std::string& world = options.session.world;
     const std::string out = options.out.empty() ? lab::defaultFolder(world) : options.out;
-    const auto page = lab::judgeAll(*s.setting, {world, options.session.path, options.session.movers}, s.poses, s.run,
-                                    out, show, follow);
+    const lab::RunFiles files{world, options.session.path, options.session.movers};
+    if (options.occlusion) {
+        const auto records = lab::judgeOcclusion(*s.setting, files, s.poses, s.run, out, follow);
+        progress.reset();
+        if (!records) return records.error();
+        std::printf("%s\n", lab::occlusionTable(records.value()).c_str());
+        std::fflush(stdout);
+    }
+    const auto page = lab::judgeAll(*s.setting, files, s.poses, s.run, out, show, follow);
     progress.reset();
     if (!page) return page.error();
     std::printf("\n%s shows them.\n", page.value().c_str());
@@ -101,6 +110,8 @@ Command addLabCommand(CLI::App& app) {
                        "or files NAME.toml; all by default");
     parser->add_option("--out", options->out, "folder for lab.html and lab.sqlite; NAME.lab by default. What is there already "
                                               "is not run again");
+    parser->add_flag("--occlusion", options->occlusion, "leave casters out of gnomon's maps as hidden, by 1 to 64 rays each and by proof, "
+                                                        "and tell what that saves and breaks; without --methods no method is judged");
     // The suite needs no world, and takes of all options those of the device alone.
     parser->get_option("world")->required(false);
     parser->get_option("--path")->required(false);

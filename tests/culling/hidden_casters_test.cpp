@@ -18,8 +18,11 @@ using world::CasterId;
 
 using Ids = std::vector<CasterId>;
 
-HiddenCasters proven(const ToyScene& scene, const MapTexels& map, const Ids& ids, uint32_t rays = 4096) {
+culling::ProvenHidden provenIn(const ToyScene& scene, const MapTexels& map, const Ids& ids, uint32_t rays = 4096) {
     return culling::provenHidden(scene.table, scene.light, map, ids, scene.statics, {rays, 100, map.side});
+}
+HiddenCasters proven(const ToyScene& scene, const MapTexels& map, const Ids& ids, uint32_t rays = 4096) {
+    return provenIn(scene, map, ids, rays).whole;
 }
 
 TEST(ProvenHidden, OwnNoTexelWhateverTheOrderAndTheThreads) {
@@ -57,6 +60,9 @@ TEST(ProvenHidden, AreHiddenByEveryClusterThatMeetsTheMap) {
     const CasterId cover = scene.addStatic(roof, tests::placedAt({0, 5, 0}));
     const Ids all{ground, under, open, beside, cover};
     EXPECT_EQ(proven(scene, map, all).casters, (Ids{under, beside})) << "what the map does not show need not be drawn";
+    const auto clusters = provenIn(scene, map, all).clusters;
+    EXPECT_TRUE(std::is_sorted(clusters.begin(), clusters.end()));
+    EXPECT_EQ(clusters, (std::vector<std::pair<CasterId, uint32_t>>{{under, 0}})) << "the only one that meets the map";
     EXPECT_EQ(proven(scene, map, all, 16).casters, Ids{beside}) << "a footprint of more texels than are allowed is drawn";
     EXPECT_TRUE(proven(scene, map, {}).casters.empty());
     // On the map's border, under a roof of two parts, one of which lies beside the map: all of a cluster must be hidden.

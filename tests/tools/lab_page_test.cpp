@@ -63,6 +63,22 @@ TEST(LabPage, HoldsEveryFigureOfEveryMethod) {
     }
 }
 
+TEST(LabPage, HoldsEveryFigureOfOcclusion) {
+    const auto records = tests::someOcclusion(1);
+    EXPECT_EQ(dataOf(tools::lab::labPage(someRun(), {}))["occlusion"], nlohmann::json::array());
+    const auto shown = dataOf(tools::lab::labPage(someRun(), {}, records))["occlusion"];
+    ASSERT_EQ(shown.size(), records.size());
+    for (size_t k = 0; k < records.size(); ++k) {
+        const tools::lab::OcclusionRecord &r = records[k], &drawn = records[0];
+        const double lit = 100 * double(r.falseLit) / double(r.pixels);
+        const nlohmann::json expected{{"name", r.way}, {"asked", double(r.asked) / 4}, {"hidden", double(r.hidden) / 4},
+                                      {"wrongly", double(r.wronglyHidden) / 4}, {"texels", double(r.texelsWrong) / 4}, {"deepest", r.deepest},
+                                      {"lit", lit}, {"added", lit - 100 * double(drawn.falseLit) / double(drawn.pixels)},
+                                      {"triangles", double(r.triangles) / 4}, {"rays", double(r.rays) / 4}, {"prepareMs", r.prepareMs / 4}, {"ms", r.ms / 4}};
+        EXPECT_EQ(shown[k], expected);
+    }
+}
+
 TEST(LabPage, NoTextCanEndItsScript) {
     auto run = someRun();
     run.world = "</script><script>alert(1)</script><!--";

@@ -3,7 +3,9 @@
 
 #include <random>
 #include <string>
+#include <vector>
 
+#include "tools/lab/occlusion.h"
 #include "tools/lab/record.h"
 
 namespace tests {
@@ -50,6 +52,21 @@ inline tools::lab::MethodRecord someMethod(const std::string& name, uint32_t see
         if (frame % 30 < 2) r.series.back().judged = {count(), count(), count(), count(), count()};
     }
     return r;
+}
+
+/// Likewise.
+inline std::vector<tools::lab::OcclusionRecord> someOcclusion(uint32_t seed) {
+    std::mt19937_64 rng(seed);
+    std::vector<tools::lab::OcclusionRecord> records(7);
+    for (auto& r : records) {
+        r.way = "way " + std::to_string(&r - records.data());
+        r.judged = 4;
+        for (uint64_t* value : {&r.asked, &r.hidden, &r.wronglyHidden, &r.rays, &r.triangles, &r.texels, &r.texelsWrong, &r.pixels,
+                                &r.falseLit, &r.falseShadow})
+            *value = rng() % 1'000'000'000'000;
+        for (double* value : {&r.deepest, &r.prepareMs, &r.ms}) *value = double(rng()) / 1e7;
+    }
+    return records;
 }
 
 }  // namespace tests

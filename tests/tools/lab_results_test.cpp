@@ -89,6 +89,36 @@ TEST(LabResults, ARowOfTheSameKeyIsReplacedWithItsFrames) {
     expectEqual(*found.value(), shorter);
 }
 
+TEST(LabResults, WhatOcclusionCameToIsOfItsRunAndReplacedWhole) {
+    const world_tests::TempFolder folder;
+    const std::string out = folder.file("a.lab");
+    {
+        auto results = Results::open(out);
+        ASSERT_TRUE(results);
+        EXPECT_TRUE(results.value().occlusionOf(someRun()).value().empty());
+        ASSERT_TRUE(results.value().saveOcclusion(someRun(), tests::someOcclusion(1)));
+        ASSERT_TRUE(results.value().saveOcclusion(someRun(8), tests::someOcclusion(2)));
+    }
+    auto results = Results::open(out);
+    ASSERT_TRUE(results);
+    EXPECT_EQ(results.value().occlusionOf(someRun()).value(), tests::someOcclusion(1));
+    EXPECT_EQ(results.value().occlusionOf(someRun(8)).value(), tests::someOcclusion(2));
+    EXPECT_TRUE(results.value().occlusionOf(someRun(9)).value().empty());
+    auto fewer = tests::someOcclusion(3);
+    fewer.pop_back();
+    ASSERT_TRUE(results.value().saveOcclusion(someRun(), fewer));
+    EXPECT_EQ(results.value().occlusionOf(someRun()).value(), fewer);
+    const auto page = results.value().writePage(someRun());
+    ASSERT_TRUE(page);
+    EXPECT_NE(world_tests::readFile(page.value()).find("\"name\":\"way 4\""), std::string::npos);
+    // A folder from before the table was there gets it.
+    ASSERT_TRUE(world::Database::openEmpty(out + "/lab.sqlite").value().run("DROP TABLE occlusion"));
+    auto old = Results::open(out);
+    ASSERT_TRUE(old) << old.error().what;
+    EXPECT_TRUE(old.value().occlusionOf(someRun()).value().empty());
+    EXPECT_TRUE(old.value().saveOcclusion(someRun(), fewer));
+}
+
 TEST(LabResults, WhatIsNoLabIsRefusedAndLeftAlone) {
     const world_tests::TempFolder folder;
     const std::string out = folder.file("a.lab"), file = out + "/lab.sqlite";

@@ -179,4 +179,24 @@ TEST(Lab, WhatWasKilledGoesOnWithTheMethodsThatAreMissing) {
     EXPECT_EQ(world_tests::readFile(out + "/lab.html").find("\"name\":\"gnomon\""), std::string::npos);
 }
 
+TEST(Lab, OcclusionIsFoundOnceAndShownWithTheMethodsOfItsRun) {
+    const std::string world = tests::temporary("occlusion-run.world"), path = tests::temporary("occlusion-run.tum");
+    tests::baked(tests::streets({0, 0, 0}), "occlusion-run.world");
+    ASSERT_TRUE(world::writeTum(path, poses(3)));
+    const std::string out = tests::temporary("occlusion-run.lab");
+    const std::string call = world + " --path " + path + " --far 60 --out " + out + " --occlusion";
+    const Output alone = lab(call);
+    ASSERT_EQ(alone.status, 0);
+    ASSERT_EQ(alone.rows.size(), 8u) << "a head and seven ways";
+    EXPECT_NE(world_tests::readFile(out + "/lab.html").find("\"methods\":[]"), std::string::npos) << "no method was asked for";
+
+    const Output both = lab(call + " --methods doughnut");
+    ASSERT_EQ(both.status, 0);
+    ASSERT_EQ(both.rows.size(), 9u);
+    EXPECT_EQ(std::vector(both.rows.begin(), both.rows.begin() + 8), alone.rows) << "times, too: it was not run again";
+    const std::string page = world_tests::readFile(out + "/lab.html");
+    for (const char* name : {"\"name\":\"doughnut\"", "\"name\":\"64 rays\"", "\"name\":\"texel-exact\""})
+        EXPECT_NE(page.find(name), std::string::npos) << name;
+}
+
 }  // namespace

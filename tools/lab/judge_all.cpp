@@ -9,6 +9,20 @@
 #include "tools/lab/session.h"
 
 namespace tools::lab {
+namespace {
+
+/// Of the judged frames, with what the folder has of it.
+world::Result<std::vector<TruthPair>> truthOf(const Setting& setting, std::span<const world::Pose> poses,
+                                              std::span<const size_t> judged, const RunConfig& config,
+                                              const std::string& folder, const Follow& onPair) {
+    auto truths = openTruths(folder);
+    if (!truths) return truths.error();
+    auto traced = traceTruth(setting, poses, judged, config, truths.value(), onPair);
+    for (const std::string& line : truths.value().damage()) std::cerr << line << '\n';
+    return traced;
+}
+
+}  // namespace
 
 world::Result<std::string> judgeAll(const Setting& setting, const RunFiles& files, std::span<const world::Pose> poses,
                                     const RunConfig& config, const std::string& folder,
@@ -29,10 +43,7 @@ world::Result<std::string> judgeAll(const Setting& setting, const RunFiles& file
             continue;
         }
         if (!truth) {
-            auto truths = openTruths(folder);
-            if (!truths) return truths.error();
-            auto traced = traceTruth(setting, poses, judged, config, truths.value(), follow("truth"));
-            for (const std::string& line : truths.value().damage()) std::cerr << line << '\n';
+            auto traced = truthOf(setting, poses, judged, config, folder, follow("truth"));
             if (!traced) return traced.error();
             truth = std::move(traced.value());
         }
@@ -44,6 +55,25 @@ world::Result<std::string> judgeAll(const Setting& setting, const RunFiles& file
         onMethod(record.value());
     }
     return results.value().writePage(run.value());
+}
+
+world::Result<std::vector<OcclusionRecord>> judgeOcclusion(const Setting& setting, const RunFiles& files,
+                                                           std::span<const world::Pose> poses, const RunConfig& config,
+                                                           const std::string& folder,
+                                                           const std::function<Follow(const std::string&)>& follow) {
+    const auto judged = judgedFrames(poses.size(), config.every);
+    const auto run = describe(setting, files, poses, judged, config);
+    if (!run) return run.error();
+    auto results = Results::open(folder);
+    if (!results) return results.error();
+    auto kept = results.value().occlusionOf(run.value());
+    if (!kept || !kept.value().empty()) return kept;
+    const auto truth = truthOf(setting, poses, judged, config, folder, follow("truth"));
+    if (!truth) return truth.error();
+    auto records = studyOcclusion(setting, poses, truth.value(), culling::methodNamed("gnomon").value(), follow("occlusion"));
+    if (!records) return records;
+    if (const auto saved = results.value().saveOcclusion(run.value(), records.value()); !saved) return saved.error();
+    return records;
 }
 
 }  // namespace tools::lab

@@ -5,6 +5,7 @@
 #include <span>
 #include <string>
 
+#include "tools/lab/occlusion.h"
 #include "tools/lab/record.h"
 #include "world/result.h"
 
@@ -22,5 +23,12 @@ world::Result<std::string> judgeAll(const Setting& setting, const RunFiles& file
                                     const RunConfig& config, const std::string& folder,
                                     const std::function<void(const MethodRecord&)>& onMethod,
                                     const std::function<Follow(const std::string&)>& follow);
+
+/// What leaving casters out as hidden comes to on the maps of `gnomon`, by `studyOcclusion`, unless `folder` has it already;
+/// kept there, for the page that judgeAll writes. Errors and `follow` as above.
+world::Result<std::vector<OcclusionRecord>> judgeOcclusion(const Setting& setting, const RunFiles& files,
+                                                           std::span<const world::Pose> poses, const RunConfig& config,
+                                                           const std::string& folder,
+                                                           const std::function<Follow(const std::string&)>& follow);
 
 }  // namespace tools::lab

@@ -56,6 +56,13 @@ Json jsonOf(const MethodRecord& r) {
             {"picture", base64(r.picture)}, {"series", series}};
 }
 
+Json jsonOf(const OcclusionRecord& r, const OcclusionRecord& drawn) {
+    return {{"name", r.way}, {"asked", r.aFrame(r.asked)}, {"hidden", r.aFrame(r.hidden)}, {"wrongly", r.aFrame(r.wronglyHidden)},
+            {"texels", r.aFrame(r.texelsWrong)}, {"deepest", r.deepest}, {"lit", r.percent(r.falseLit)},
+            {"added", r.percent(r.falseLit) - drawn.percent(drawn.falseLit)}, {"triangles", r.aFrame(r.triangles)},
+            {"rays", r.aFrame(r.rays)}, {"prepareMs", r.aFrame(r.prepareMs)}, {"ms", r.aFrame(r.ms)}};
+}
+
 /// JSON that may stand in a script element: no text in it can end the element, or open a comment.
 std::string embeddable(const Json& json) {
     std::string text = json.dump(-1, ' ', false, Json::error_handler_t::replace), out;
@@ -75,9 +82,11 @@ void put(std::string& page, std::string_view mark, std::string_view value) {
 
 }  // namespace
 
-std::string labPage(const RunRecord& run, std::span<const MethodRecord> methods) {
-    Json data{{"run", jsonOf(run)}, {"methods", Json::array()}};
+std::string labPage(const RunRecord& run, std::span<const MethodRecord> methods,
+                    std::span<const OcclusionRecord> occlusion) {
+    Json data{{"run", jsonOf(run)}, {"methods", Json::array()}, {"occlusion", Json::array()}};
     for (const MethodRecord& method : methods) data["methods"].push_back(jsonOf(method));
+    for (const OcclusionRecord& way : occlusion) data["occlusion"].push_back(jsonOf(way, occlusion.front()));
     std::string page(view(kPage));
     // The data last: what it says is not looked through for marks.
     put(page, "@LICENCE@", view(kChartLicence));

@@ -36,6 +36,13 @@ constexpr const char* kTables =
     "CREATE TABLE frame(method INTEGER, frame INTEGER, triangles INTEGER, ms REAL, pixels INTEGER, "
     "false_lit INTEGER, false_shadow INTEGER, points INTEGER, flips INTEGER, PRIMARY KEY(method, frame)) WITHOUT ROWID;";
 
+/// Folders from before it was there get it when they are opened.
+constexpr const char* kOcclusionTable =
+    "CREATE TABLE IF NOT EXISTS occlusion(run INTEGER, number INTEGER, way TEXT, judged INTEGER, asked INTEGER, "
+    "hidden INTEGER, wrongly_hidden INTEGER, rays INTEGER, triangles INTEGER, texels INTEGER, texels_wrong INTEGER, "
+    "deepest REAL, pixels INTEGER, false_lit INTEGER, false_shadow INTEGER, prepare_ms REAL, ms REAL, "
+    "PRIMARY KEY(run, number)) WITHOUT ROWID";
+
 /// Parameters or columns of a statement, one after the other.
 class Row {
 public:
@@ -87,6 +94,26 @@ void eachColumn(Record& r, Visit visit) {
     visit(r.picture);
 }
 
+/// The columns of `occlusion` from `way` on, likewise.
+template <class Record, class Visit>
+void eachOcclusionColumn(Record& r, Visit visit) {
+    visit(r.way);
+    visit(r.judged);
+    visit(r.asked);
+    visit(r.hidden);
+    visit(r.wronglyHidden);
+    visit(r.rays);
+    visit(r.triangles);
+    visit(r.texels);
+    visit(r.texelsWrong);
+    visit(r.deepest);
+    visit(r.pixels);
+    visit(r.falseLit);
+    visit(r.falseShadow);
+    visit(r.prepareMs);
+    visit(r.ms);
+}
+
 std::string settingsText(const std::vector<culling::MethodSetting>& fields) {
     nlohmann::json list = nlohmann::json::array();
     for (const culling::MethodSetting& field : fields) list.push_back({field.name, field.value, field.unit});
@@ -116,6 +143,13 @@ Error foreign(const std::string& file) {
 /// SQLite's errors speak of worlds.
 Error told(Error error, const std::string& folder) {
     return error.code == ErrorCode::kBadData ? foreign(fileIn(folder)) : error;
+}
+
+/// Runs a statement that gives no rows, and makes it ready to be run again.
+Result<Done> step(Result<Statement>& statement) {
+    if (const auto done = statement.value().step(); !done) return done.error();
+    statement.value().reset();
+    return Done{};
 }
 
 Result<int64_t> number(world::Database& database, const char* sql) {
@@ -185,6 +219,7 @@ Result<Done> Results::connect() {
                                        ";PRAGMA user_version=" + std::to_string(kLabVersion));
         if (!made) return told(made.error(), folder_);
     }
+    if (const auto done = database.run(kOcclusionTable); !done) return told(done.error(), folder_);
     if (const auto done = database.run("COMMIT"); !done) return told(done.error(), folder_);
     database_.emplace(std::move(database));
     return Done{};
@@ -231,35 +266,50 @@ Result<std::optional<MethodRecord>> Results::find(uint64_t method) {
 
 Result<std::vector<MethodRecord>> Results::methodsOf(const RunRecord& run) { return read("run", run.key); }
 
-Result<Done> Results::write(const RunRecord& run, uint64_t method, const MethodRecord& record) {
+Result<std::vector<OcclusionRecord>> Results::occlusionOf(const RunRecord& run) {
+    std::vector<OcclusionRecord> records;
+    if (!database_) return records;
+    auto statement = database_->prepare(
+        "SELECT way, judged, asked, hidden, wrongly_hidden, rays, triangles, texels, texels_wrong, deepest, pixels, "
+        "false_lit, false_shadow, prepare_ms, ms FROM occlusion WHERE run = ? ORDER BY number");
+    if (!statement) return told(statement.error(), folder_);
+    statement.value().bind(0, static_cast<int64_t>(run.key));
+    for (;;) {
+        const auto row = statement.value().step();
+        if (!row) return told(row.error(), folder_);
+        if (!row.value()) return records;
+        Row columns(statement.value());
+        eachOcclusionColumn(records.emplace_back(), [&](auto& value) { columns.take(value); });
+    }
+}
+
+Result<Done> Results::write(const RunRecord& run) {
     auto ofRun = database_->prepare(
         "INSERT OR REPLACE INTO run VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+    if (!ofRun) return ofRun.error();
+    Row row(ofRun.value());
+    row.put(run.key);
+    for (const std::string* text : {&run.world, &run.path, &run.movers}) row.put(*text);
+    for (const uint64_t value : {uint64_t(run.frames), uint64_t(run.judged)}) row.put(value);
+    for (const double value : {run.begins, run.ends, run.farDistance, run.verticalFov, run.sun.x, run.sun.y, run.sun.z})
+        row.put(value);
+    row.put(run.width);
+    row.put(run.height);
+    row.put(run.device);
+    row.put(run.driver);
+    row.put(run.threads);
+    return step(ofRun);
+}
+
+Result<Done> Results::write(const RunRecord& run, uint64_t method, const MethodRecord& record) {
     auto ofMethod = database_->prepare(
         "INSERT OR REPLACE INTO method VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
     auto cleared = database_->prepare("DELETE FROM frame WHERE method = ?");
     auto drawn = database_->prepare("INSERT INTO frame(method, frame, triangles, ms) VALUES(?, ?, ?, ?)");
     auto judged = database_->prepare("INSERT INTO frame VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?)");
-    for (const auto* statement : {&ofRun, &ofMethod, &cleared, &drawn, &judged})
+    for (const auto* statement : {&ofMethod, &cleared, &drawn, &judged})
         if (!*statement) return statement->error();
-    const auto step = [](Result<Statement>& statement) -> Result<Done> {
-        if (const auto done = statement.value().step(); !done) return done.error();
-        statement.value().reset();
-        return Done{};
-    };
-    {
-        Row row(ofRun.value());
-        for (const uint64_t value : {run.key}) row.put(value);
-        for (const std::string* text : {&run.world, &run.path, &run.movers}) row.put(*text);
-        for (const uint64_t value : {uint64_t(run.frames), uint64_t(run.judged)}) row.put(value);
-        for (const double value : {run.begins, run.ends, run.farDistance, run.verticalFov, run.sun.x, run.sun.y, run.sun.z})
-            row.put(value);
-        row.put(run.width);
-        row.put(run.height);
-        row.put(run.device);
-        row.put(run.driver);
-        row.put(run.threads);
-    }
-    if (const auto done = step(ofRun); !done) return done;
+    if (const auto done = write(run); !done) return done;
     const std::string settings = settingsText(record.fields);
     {
         Row row(ofMethod.value());
@@ -286,7 +336,7 @@ Result<Done> Results::write(const RunRecord& run, uint64_t method, const MethodR
     return Done{};
 }
 
-Result<Done> Results::save(const RunRecord& run, uint64_t method, const MethodRecord& record) {
+Result<Done> Results::inTransaction(const std::function<Result<Done>()>& write) {
     if (!database_) {
         std::error_code error;
         fs::create_directories(folder_, error);
@@ -297,18 +347,44 @@ Result<Done> Results::save(const RunRecord& run, uint64_t method, const MethodRe
         if (const auto done = connect(); !done) return done;
     }
     if (const auto done = database_->run("BEGIN IMMEDIATE"); !done) return told(done.error(), folder_);
-    auto done = write(run, method, record);
+    auto done = write();
     if (done) done = database_->run("COMMIT");
     if (done) return done;
     (void)database_->run("ROLLBACK");  // the error that came first is the one to tell
     return told(done.error(), folder_);
 }
 
+Result<Done> Results::save(const RunRecord& run, uint64_t method, const MethodRecord& record) {
+    return inTransaction([&] { return write(run, method, record); });
+}
+
+Result<Done> Results::saveOcclusion(const RunRecord& run, std::span<const OcclusionRecord> records) {
+    return inTransaction([&]() -> Result<Done> {
+        auto cleared = database_->prepare("DELETE FROM occlusion WHERE run = ?");
+        auto added = database_->prepare("INSERT INTO occlusion VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+        for (const auto* statement : {&cleared, &added})
+            if (!*statement) return statement->error();
+        if (const auto done = write(run); !done) return done;
+        cleared.value().bind(0, static_cast<int64_t>(run.key));
+        if (const auto done = step(cleared); !done) return done;
+        for (size_t number = 0; number < records.size(); ++number) {
+            Row row(added.value());
+            row.put(run.key);
+            row.put(uint64_t(number));
+            eachOcclusionColumn(records[number], [&](const auto& value) { row.put(value); });
+            if (const auto done = step(added); !done) return done;
+        }
+        return Done{};
+    });
+}
+
 Result<std::string> Results::writePage(const RunRecord& run) {
     const auto methods = methodsOf(run);
     if (!methods) return methods.error();
+    const auto occlusion = occlusionOf(run);
+    if (!occlusion) return occlusion.error();
     const std::string path = (fs::path(folder_) / "lab.html").string();
-    if (const auto done = writeText(path, labPage(run, methods.value())); !done) return done.error();
+    if (const auto done = writeText(path, labPage(run, methods.value(), occlusion.value())); !done) return done.error();
     return path;
 }
 

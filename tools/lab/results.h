@@ -2,10 +2,13 @@
 // docs/lab.md has every table and column.
 #pragma once
 
+#include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
+#include "tools/lab/occlusion.h"
 #include "tools/lab/record.h"
 #include "world/database.h"
 #include "world/result.h"
@@ -27,12 +30,18 @@ public:
     /// Makes folder and file where they are missing, and writes both in one transaction. Replaces what is there of the same
     /// keys.
     world::Result<world::Done> save(const RunRecord& run, uint64_t method, const MethodRecord& record);
-    /// Writes lab.html, whole or not at all, with all methods of the run. Its path.
+    /// What leaving casters out as hidden came to in the run, in the order in which it was saved; none where that is not known.
+    world::Result<std::vector<OcclusionRecord>> occlusionOf(const RunRecord& run);
+    /// As `save`, all of a run's at once.
+    world::Result<world::Done> saveOcclusion(const RunRecord& run, std::span<const OcclusionRecord> records);
+    /// Writes lab.html, whole or not at all, with all that is there of the run. Its path.
     world::Result<std::string> writePage(const RunRecord& run);
 
 private:
     explicit Results(std::string folder) : folder_(std::move(folder)) {}
     world::Result<world::Done> connect();
+    world::Result<world::Done> inTransaction(const std::function<world::Result<world::Done>()>& write);
+    world::Result<world::Done> write(const RunRecord& run);
     world::Result<world::Done> write(const RunRecord& run, uint64_t method, const MethodRecord& record);
     world::Result<std::vector<MethodRecord>> read(const char* condition, uint64_t key);
     std::string folder_;

@@ -2,6 +2,7 @@
 
 #include <tbb/parallel_for.h>
 
+#include <algorithm>
 #include <limits>
 
 #include "culling/caster_query.h"
@@ -65,7 +66,8 @@ void ViewCasters::moved(std::span<const world::CasterId> casters) {
 }
 
 void ViewCasters::drawCaster(world::CasterId caster, int number, const culling::ShadowView& of, double from,
-                             ViewTarget& target, gpu::ViewPlan& plan, cache::Cost& cost) const {
+                             std::span<const CasterCluster> hidden, ViewTarget& target, gpu::ViewPlan& plan,
+                             cache::Cost& cost) const {
     const culling::LightCaster& light = casters_[caster];
     if (light.bounds.max.x < of.low.x || light.bounds.min.x > of.high.x || light.bounds.max.y < of.low.y ||
         light.bounds.min.y > of.high.y || light.bounds.max.z <= from)
@@ -77,6 +79,7 @@ void ViewCasters::drawCaster(world::CasterId caster, int number, const culling::
                          {culling::roundedUp(high.x), culling::roundedUp(high.y)}, [&](size_t k) {
         const world::Cluster& cluster = level.clusters[k];
         if (light.bounds.min.z <= from && deepest(light, cluster) <= from) return;
+        if (std::binary_search(hidden.begin(), hidden.end(), CasterCluster(caster, uint32_t(k)))) return;
         cost.triangles += cluster.indexCount / 3;
         if (placed && plan.items.back().firstIndex + plan.items.back().indexCount == cluster.firstIndex) {
             plan.items.back().indexCount += cluster.indexCount;
@@ -93,11 +96,12 @@ void ViewCasters::drawCaster(world::CasterId caster, int number, const culling::
 }
 
 cache::Cost ViewCasters::draw(std::span<const world::CasterId> casters, int number, const culling::ShadowView& of,
-                              ViewTarget& target, gpu::ViewPlan& plan, double from) const {
+                              ViewTarget& target, gpu::ViewPlan& plan, double from,
+                              std::span<const CasterCluster> hidden) const {
     cache::Cost cost;
     gpu::ViewPass pass = passOf(of, bias_);
     pass.firstItem = uint32_t(plan.items.size());
-    for (const world::CasterId id : casters) drawCaster(id, number, of, from, target, plan, cost);
+    for (const world::CasterId id : casters) drawCaster(id, number, of, from, hidden, target, plan, cost);
     pass.itemCount = uint32_t(plan.items.size()) - pass.firstItem;
     plan.passes.push_back(pass);
     return cost;

@@ -3,6 +3,7 @@
 
 #include <limits>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "cache/statistics.h"
@@ -13,6 +14,9 @@
 #include "tools/lab/view_target.h"
 
 namespace tools::lab {
+
+/// A caster and one of its clusters, at the level that a view draws.
+using CasterCluster = std::pair<world::CasterId, uint32_t>;
 
 /// The scene's casters as the views of one method see them: at levels of detail that follow each view's texels, those
 /// of the first frame where they change. Clusters are the unit of culling, as they are for the cache.
@@ -26,6 +30,8 @@ public:
     void moved(std::span<const world::CasterId> casters);
 
     const culling::LightCaster& operator[](world::CasterId caster) const { return casters_[caster]; }
+    /// A cascade for each view.
+    const culling::LightCasters& light() const { return casters_; }
     /// Static casters at any depth over the view's rectangle, ascending.
     std::vector<world::CasterId> staticsOver(const culling::ShadowView& view) const;
 
@@ -40,13 +46,14 @@ public:
     /// space [m].
     ///   number  of the view, for the level of detail
     ///   of      the view; its rectangle may be a part of the map's
+    ///   hidden  clusters that are left out, ascending
     cache::Cost draw(std::span<const world::CasterId> casters, int number, const culling::ShadowView& of,
                      ViewTarget& target, gpu::ViewPlan& plan,
-                     double from = -std::numeric_limits<double>::infinity()) const;
+                     double from = -std::numeric_limits<double>::infinity(), std::span<const CasterCluster> hidden = {}) const;
 
 private:
-    void drawCaster(world::CasterId caster, int number, const culling::ShadowView& of, double from, ViewTarget& target,
-                    gpu::ViewPlan& plan, cache::Cost& cost) const;
+    void drawCaster(world::CasterId caster, int number, const culling::ShadowView& of, double from,
+                    std::span<const CasterCluster> hidden, ViewTarget& target, gpu::ViewPlan& plan, cache::Cost& cost) const;
 
     const Scene& scene_;
     culling::ShadowBias bias_;
