@@ -1,5 +1,6 @@
 #include "tools/lab_command.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <iostream>
 #include <memory>
@@ -74,6 +75,13 @@ Result<int> runLab(const LabOptions& options) {
         if (!records) return records.error();
         std::printf("%s\n", lab::occlusionTable(records.value()).c_str());
         std::fflush(stdout);
+    }
+    if (options.methods.empty() && !options.occlusion) {
+        const auto claims = lab::judgeSuite(*s.setting, files, s.poses, s.run, out, follow);
+        progress.reset();
+        if (!claims) return claims.error();
+        const auto wrong = std::count_if(claims.value().begin(), claims.value().end(), [](const auto& c) { return c.wrong; });
+        if (wrong > 0) std::cerr << "failure suite: " << wrong << " wrong verdicts; gnomon lab --suite tells them\n";
     }
     const auto page = lab::judgeAll(*s.setting, files, s.poses, s.run, out, show, follow);
     progress.reset();

@@ -63,6 +63,19 @@ TEST(LabPage, HoldsEveryFigureOfEveryMethod) {
     }
 }
 
+TEST(LabPage, HoldsEveryClaimOfTheSuite) {
+    const auto records = tests::someClaims(1);
+    EXPECT_EQ(dataOf(tools::lab::labPage(someRun(), {}))["claims"], nlohmann::json::array());
+    const auto shown = dataOf(tools::lab::labPage(someRun(), {}, {}, records))["claims"];
+    ASSERT_EQ(shown.size(), records.size());
+    for (size_t k = 0; k < records.size(); ++k) {
+        const tools::lab::ClaimRecord& r = records[k];
+        EXPECT_EQ(shown[k], (nlohmann::json{{"situation", r.situation}, {"what", r.what}, {"method", r.method}, {"measure", r.measure},
+                                            {"why", r.why}, {"verdict", r.verdict}, {"value", r.value}, {"limit", r.limit},
+                                            {"fails", r.fails}, {"wrong", r.wrong}}));
+    }
+}
+
 TEST(LabPage, HoldsEveryFigureOfOcclusion) {
     const auto records = tests::someOcclusion(1);
     EXPECT_EQ(dataOf(tools::lab::labPage(someRun(), {}))["occlusion"], nlohmann::json::array());

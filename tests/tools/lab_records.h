@@ -69,4 +69,17 @@ inline std::vector<tools::lab::OcclusionRecord> someOcclusion(uint32_t seed) {
     return records;
 }
 
+inline std::vector<tools::lab::ClaimRecord> someClaims(uint32_t seed) {
+    std::mt19937_64 rng(seed);
+    const auto text = [&rng] { return "'" + std::to_string(rng()) + "' </script>"; };
+    std::vector<tools::lab::ClaimRecord> records(5);
+    for (auto& r : records) {
+        for (std::string* value : {&r.situation, &r.what, &r.method, &r.measure, &r.why, &r.verdict}) *value = text();
+        for (double* value : {&r.value, &r.limit}) *value = double(rng()) / 1e7;
+        r.fails = rng() % 2 == 0;
+        r.wrong = !r.fails;
+    }
+    return records;
+}
+
 }  // namespace tests

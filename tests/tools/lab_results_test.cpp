@@ -89,6 +89,21 @@ TEST(LabResults, ARowOfTheSameKeyIsReplacedWithItsFrames) {
     expectEqual(*found.value(), shorter);
 }
 
+TEST(LabResults, ClaimsAreOfTheirRunAndReplacedWhole) {
+    const world_tests::TempFolder folder;
+    auto results = Results::open(folder.file("a.lab"));
+    ASSERT_TRUE(results);
+    EXPECT_TRUE(results.value().claimsOf(someRun()).value().empty());
+    ASSERT_TRUE(results.value().saveClaims(someRun(), tests::someClaims(1)));
+    ASSERT_TRUE(results.value().saveClaims(someRun(8), tests::someClaims(2)));
+    EXPECT_EQ(results.value().claimsOf(someRun()).value(), tests::someClaims(1));
+    EXPECT_EQ(results.value().claimsOf(someRun(8)).value(), tests::someClaims(2));
+    auto fewer = tests::someClaims(3);
+    fewer.resize(2);
+    ASSERT_TRUE(results.value().saveClaims(someRun(), fewer));
+    EXPECT_EQ(results.value().claimsOf(someRun()).value(), fewer);
+}
+
 TEST(LabResults, WhatOcclusionCameToIsOfItsRunAndReplacedWhole) {
     const world_tests::TempFolder folder;
     const std::string out = folder.file("a.lab");

@@ -7,6 +7,7 @@
 
 #include "tools/lab/results.h"
 #include "tools/lab/session.h"
+#include "tools/lab/suite.h"
 
 namespace tools::lab {
 namespace {
@@ -73,6 +74,29 @@ world::Result<std::vector<OcclusionRecord>> judgeOcclusion(const Setting& settin
     auto records = studyOcclusion(setting, poses, truth.value(), culling::methodNamed("gnomon").value(), follow("occlusion"));
     if (!records) return records;
     if (const auto saved = results.value().saveOcclusion(run.value(), records.value()); !saved) return saved.error();
+    return records;
+}
+
+world::Result<std::vector<ClaimRecord>> judgeSuite(const Setting& setting, const RunFiles& files,
+                                                   std::span<const world::Pose> poses, const RunConfig& config,
+                                                   const std::string& folder,
+                                                   const std::function<Follow(const std::string&)>& follow) {
+    const auto run = describe(setting, files, poses, judgedFrames(poses.size(), config.every), config);
+    if (!run) return run.error();
+    auto results = Results::open(folder);
+    if (!results) return results.error();
+    auto kept = results.value().claimsOf(run.value());
+    if (!kept || !kept.value().empty()) return kept;
+    std::vector<ClaimRecord> records;
+    const std::vector<SuiteCase> cases = suiteCases();
+    const Follow onCase = follow("suite");
+    for (const SuiteCase& c : cases) {
+        const auto played = runCase(setting.device, c);
+        if (!played) return played.error();
+        for (ClaimRecord& record : recordsOf(c, played.value())) records.push_back(std::move(record));
+        onCase(size_t(&c - cases.data()) + 1, cases.size());
+    }
+    if (const auto saved = results.value().saveClaims(run.value(), records); !saved) return saved.error();
     return records;
 }
 

@@ -24,6 +24,12 @@ world::Result<std::string> judgeAll(const Setting& setting, const RunFiles& file
                                     const std::function<void(const MethodRecord&)>& onMethod,
                                     const std::function<Follow(const std::string&)>& follow);
 
+/// Plays the failure suite, unless `folder` has it from this run already; kept there likewise. Errors and `follow` as above.
+world::Result<std::vector<ClaimRecord>> judgeSuite(const Setting& setting, const RunFiles& files,
+                                                   std::span<const world::Pose> poses, const RunConfig& config,
+                                                   const std::string& folder,
+                                                   const std::function<Follow(const std::string&)>& follow);
+
 /// What leaving casters out as hidden comes to on the maps of `gnomon`, by `studyOcclusion`, unless `folder` has it already;
 /// kept there, for the page that judgeAll writes. Errors and `follow` as above.
 world::Result<std::vector<OcclusionRecord>> judgeOcclusion(const Setting& setting, const RunFiles& files,

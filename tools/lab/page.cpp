@@ -63,6 +63,11 @@ Json jsonOf(const OcclusionRecord& r, const OcclusionRecord& drawn) {
             {"rays", r.aFrame(r.rays)}, {"prepareMs", r.aFrame(r.prepareMs)}, {"ms", r.aFrame(r.ms)}};
 }
 
+Json jsonOf(const ClaimRecord& r) {
+    return {{"situation", r.situation}, {"what", r.what}, {"method", r.method}, {"measure", r.measure}, {"why", r.why},
+            {"verdict", r.verdict}, {"value", r.value}, {"limit", r.limit}, {"fails", r.fails}, {"wrong", r.wrong}};
+}
+
 /// JSON that may stand in a script element: no text in it can end the element, or open a comment.
 std::string embeddable(const Json& json) {
     std::string text = json.dump(-1, ' ', false, Json::error_handler_t::replace), out;
@@ -83,10 +88,11 @@ void put(std::string& page, std::string_view mark, std::string_view value) {
 }  // namespace
 
 std::string labPage(const RunRecord& run, std::span<const MethodRecord> methods,
-                    std::span<const OcclusionRecord> occlusion) {
-    Json data{{"run", jsonOf(run)}, {"methods", Json::array()}, {"occlusion", Json::array()}};
+                    std::span<const OcclusionRecord> occlusion, std::span<const ClaimRecord> claims) {
+    Json data{{"run", jsonOf(run)}, {"methods", Json::array()}, {"occlusion", Json::array()}, {"claims", Json::array()}};
     for (const MethodRecord& method : methods) data["methods"].push_back(jsonOf(method));
     for (const OcclusionRecord& way : occlusion) data["occlusion"].push_back(jsonOf(way, occlusion.front()));
+    for (const ClaimRecord& claim : claims) data["claims"].push_back(jsonOf(claim));
     std::string page(view(kPage));
     // The data last: what it says is not looked through for marks.
     put(page, "@LICENCE@", view(kChartLicence));

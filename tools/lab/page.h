@@ -13,7 +13,8 @@ namespace tools::lab {
 /// The page of a run. Asks for nothing from anywhere. Text that is not UTF-8 is shown with replacement characters. The
 /// same text for the same records.
 ///   occlusion  of the run; none where that was not asked for
+///   claims     of the failure suite; none where it was not played
 std::string labPage(const RunRecord& run, std::span<const MethodRecord> methods,
-                    std::span<const OcclusionRecord> occlusion = {});
+                    std::span<const OcclusionRecord> occlusion = {}, std::span<const ClaimRecord> claims = {});
 
 }  // namespace tools::lab

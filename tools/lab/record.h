@@ -83,6 +83,18 @@ struct MethodRecord {
 /// kLimit where the picture cannot be encoded.
 world::Result<MethodRecord> recordOf(const MethodResult& result);
 
+/// A claim of the failure suite, and what came of it.
+struct ClaimRecord {
+    std::string situation, what;  ///< the case, and a line on it
+    std::string method, measure;  ///< who was run there, with deliberate defects; with its unit
+    std::string why;              ///< where the limit comes from
+    std::string verdict;
+    double value = 0, limit = 0;  ///< in the measure's unit
+    bool fails = false;  ///< it must reach the limit; else it must not pass it
+    bool wrong = false;  ///< the verdict is
+    friend bool operator==(const ClaimRecord&, const ClaimRecord&) = default;
+};
+
 /// Key of a method in a run. Names are part of it, as are all fields.
 uint64_t methodKey(const RunRecord& run, const culling::ShadowMethod& method);
 

@@ -43,16 +43,22 @@ constexpr const char* kOcclusionTable =
     "deepest REAL, pixels INTEGER, false_lit INTEGER, false_shadow INTEGER, prepare_ms REAL, ms REAL, "
     "PRIMARY KEY(run, number)) WITHOUT ROWID";
 
+constexpr const char* kClaimTable =
+    "CREATE TABLE IF NOT EXISTS claim(run INTEGER, number INTEGER, situation TEXT, what TEXT, method TEXT, measure TEXT, "
+    "why TEXT, verdict TEXT, value REAL, threshold REAL, fails INTEGER, wrong INTEGER, PRIMARY KEY(run, number)) WITHOUT ROWID";
+
 /// Parameters or columns of a statement, one after the other.
 class Row {
 public:
     explicit Row(Statement& statement) : statement_(statement) {}
     void put(uint64_t value) { statement_.bind(at_++, static_cast<int64_t>(value)); }
     void put(int value) { statement_.bind(at_++, int64_t{value}); }
+    void put(bool value) { statement_.bind(at_++, int64_t{value}); }
     void put(double value) { statement_.bindReal(at_++, value); }
     void put(const std::string& text) { statement_.bindText(at_++, text); }
     void put(const std::vector<std::byte>& bytes) { statement_.bind(at_++, std::span<const std::byte>(bytes)); }
     void take(uint64_t& value) { value = static_cast<uint64_t>(statement_.integer(at_++)); }
+    void take(bool& value) { value = statement_.integer(at_++) != 0; }
     void take(double& value) { value = statement_.real(at_++); }
     void take(std::string& text) { text = statement_.text(at_++); }
     void take(std::vector<std::byte>& bytes) {
@@ -112,6 +118,21 @@ void eachOcclusionColumn(Record& r, Visit visit) {
     visit(r.falseShadow);
     visit(r.prepareMs);
     visit(r.ms);
+}
+
+/// Those of `claim` from `situation` on, likewise.
+template <class Record, class Visit>
+void eachClaimColumn(Record& r, Visit visit) {
+    visit(r.situation);
+    visit(r.what);
+    visit(r.method);
+    visit(r.measure);
+    visit(r.why);
+    visit(r.verdict);
+    visit(r.value);
+    visit(r.limit);
+    visit(r.fails);
+    visit(r.wrong);
 }
 
 std::string settingsText(const std::vector<culling::MethodSetting>& fields) {
@@ -219,7 +240,8 @@ Result<Done> Results::connect() {
                                        ";PRAGMA user_version=" + std::to_string(kLabVersion));
         if (!made) return told(made.error(), folder_);
     }
-    if (const auto done = database.run(kOcclusionTable); !done) return told(done.error(), folder_);
+    for (const char* table : {kOcclusionTable, kClaimTable})
+        if (const auto done = database.run(table); !done) return told(done.error(), folder_);
     if (const auto done = database.run("COMMIT"); !done) return told(done.error(), folder_);
     database_.emplace(std::move(database));
     return Done{};
@@ -266,12 +288,11 @@ Result<std::optional<MethodRecord>> Results::find(uint64_t method) {
 
 Result<std::vector<MethodRecord>> Results::methodsOf(const RunRecord& run) { return read("run", run.key); }
 
-Result<std::vector<OcclusionRecord>> Results::occlusionOf(const RunRecord& run) {
-    std::vector<OcclusionRecord> records;
+template <class Record, class Each>
+Result<std::vector<Record>> Results::readAll(const char* sql, const RunRecord& run, Each each) {
+    std::vector<Record> records;
     if (!database_) return records;
-    auto statement = database_->prepare(
-        "SELECT way, judged, asked, hidden, wrongly_hidden, rays, triangles, texels, texels_wrong, deepest, pixels, "
-        "false_lit, false_shadow, prepare_ms, ms FROM occlusion WHERE run = ? ORDER BY number");
+    auto statement = database_->prepare(sql);
     if (!statement) return told(statement.error(), folder_);
     statement.value().bind(0, static_cast<int64_t>(run.key));
     for (;;) {
@@ -279,8 +300,22 @@ Result<std::vector<OcclusionRecord>> Results::occlusionOf(const RunRecord& run) 
         if (!row) return told(row.error(), folder_);
         if (!row.value()) return records;
         Row columns(statement.value());
-        eachOcclusionColumn(records.emplace_back(), [&](auto& value) { columns.take(value); });
+        each(records.emplace_back(), [&](auto& value) { columns.take(value); });
     }
+}
+
+Result<std::vector<OcclusionRecord>> Results::occlusionOf(const RunRecord& run) {
+    return readAll<OcclusionRecord>(
+        "SELECT way, judged, asked, hidden, wrongly_hidden, rays, triangles, texels, texels_wrong, deepest, pixels, "
+        "false_lit, false_shadow, prepare_ms, ms FROM occlusion WHERE run = ? ORDER BY number",
+        run, [](auto& record, auto take) { eachOcclusionColumn(record, take); });
+}
+
+Result<std::vector<ClaimRecord>> Results::claimsOf(const RunRecord& run) {
+    return readAll<ClaimRecord>(
+        "SELECT situation, what, method, measure, why, verdict, value, threshold, fails, wrong FROM claim WHERE run = ? "
+        "ORDER BY number",
+        run, [](auto& record, auto take) { eachClaimColumn(record, take); });
 }
 
 Result<Done> Results::write(const RunRecord& run) {
@@ -358,10 +393,11 @@ Result<Done> Results::save(const RunRecord& run, uint64_t method, const MethodRe
     return inTransaction([&] { return write(run, method, record); });
 }
 
-Result<Done> Results::saveOcclusion(const RunRecord& run, std::span<const OcclusionRecord> records) {
+template <class Record, class Each>
+Result<Done> Results::replaceAll(const char* clear, const char* add, const RunRecord& run, std::span<const Record> records,
+                                 Each each) {
     return inTransaction([&]() -> Result<Done> {
-        auto cleared = database_->prepare("DELETE FROM occlusion WHERE run = ?");
-        auto added = database_->prepare("INSERT INTO occlusion VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+        auto cleared = database_->prepare(clear), added = database_->prepare(add);
         for (const auto* statement : {&cleared, &added})
             if (!*statement) return statement->error();
         if (const auto done = write(run); !done) return done;
@@ -371,11 +407,22 @@ Result<Done> Results::saveOcclusion(const RunRecord& run, std::span<const Occlus
             Row row(added.value());
             row.put(run.key);
             row.put(uint64_t(number));
-            eachOcclusionColumn(records[number], [&](const auto& value) { row.put(value); });
+            each(records[number], [&](const auto& value) { row.put(value); });
             if (const auto done = step(added); !done) return done;
         }
         return Done{};
     });
+}
+
+Result<Done> Results::saveOcclusion(const RunRecord& run, std::span<const OcclusionRecord> records) {
+    return replaceAll("DELETE FROM occlusion WHERE run = ?",
+                      "INSERT INTO occlusion VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", run, records,
+                      [](const auto& record, auto put) { eachOcclusionColumn(record, put); });
+}
+
+Result<Done> Results::saveClaims(const RunRecord& run, std::span<const ClaimRecord> records) {
+    return replaceAll("DELETE FROM claim WHERE run = ?", "INSERT INTO claim VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", run,
+                      records, [](const auto& record, auto put) { eachClaimColumn(record, put); });
 }
 
 Result<std::string> Results::writePage(const RunRecord& run) {
@@ -383,8 +430,10 @@ Result<std::string> Results::writePage(const RunRecord& run) {
     if (!methods) return methods.error();
     const auto occlusion = occlusionOf(run);
     if (!occlusion) return occlusion.error();
+    const auto claims = claimsOf(run);
+    if (!claims) return claims.error();
     const std::string path = (fs::path(folder_) / "lab.html").string();
-    if (const auto done = writeText(path, labPage(run, methods.value(), occlusion.value())); !done) return done.error();
+    if (const auto done = writeText(path, labPage(run, methods.value(), occlusion.value(), claims.value())); !done) return done.error();
     return path;
 }
 

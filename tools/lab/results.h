@@ -34,12 +34,21 @@ public:
     world::Result<std::vector<OcclusionRecord>> occlusionOf(const RunRecord& run);
     /// As `save`, all of a run's at once.
     world::Result<world::Done> saveOcclusion(const RunRecord& run, std::span<const OcclusionRecord> records);
+    /// What the failure suite came to when it was played with the run, in its order; none where it was not.
+    world::Result<std::vector<ClaimRecord>> claimsOf(const RunRecord& run);
+    /// As `saveOcclusion`.
+    world::Result<world::Done> saveClaims(const RunRecord& run, std::span<const ClaimRecord> records);
     /// Writes lab.html, whole or not at all, with all that is there of the run. Its path.
     world::Result<std::string> writePage(const RunRecord& run);
 
 private:
     explicit Results(std::string folder) : folder_(std::move(folder)) {}
     world::Result<world::Done> connect();
+    template <class Record, class Each>
+    world::Result<std::vector<Record>> readAll(const char* sql, const RunRecord& run, Each each);
+    template <class Record, class Each>
+    world::Result<world::Done> replaceAll(const char* clear, const char* add, const RunRecord& run,
+                                          std::span<const Record> records, Each each);
     world::Result<world::Done> inTransaction(const std::function<world::Result<world::Done>()>& write);
     world::Result<world::Done> write(const RunRecord& run);
     world::Result<world::Done> write(const RunRecord& run, uint64_t method, const MethodRecord& record);

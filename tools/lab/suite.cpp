@@ -72,28 +72,25 @@ public:
     Contest(const SuiteCase& c, const Setting& setting, const std::vector<TruthPair>& truth)
         : case_(c), setting_(setting), truth_(truth) {}
 
-    /// Nothing for a method that the lab has no engine for.
     Result<const Measures*> of(const Contestant& contestant) {
         const auto [at, fresh] = runs_.try_emplace(nameOf(contestant));
-        if (!fresh) return at->second ? &*at->second : nullptr;
+        if (!fresh) return &at->second;
         const auto method = culling::methodFrom(contestant.method);
         if (!method) return method.error();
         Setting setting = setting_;
         setting.cache.sabotage = contestant.sabotage;
         setting.defect = contestant.defect;
         auto judged = judgeMethod(setting, case_.poses, truth_, method.value(), [](size_t, size_t) {});
-        if (!judged && judged.error().code == world::ErrorCode::kUsage && method.value().keep == culling::Keep::kScrolled)
-            return nullptr;
         if (!judged) return judged.error();
         at->second = std::move(judged.value().measures);
-        return &*at->second;
+        return &at->second;
     }
 
 private:
     const SuiteCase& case_;
     const Setting& setting_;
     const std::vector<TruthPair>& truth_;
-    std::map<std::string, std::optional<Measures>> runs_;
+    std::map<std::string, Measures> runs_;
 };
 
 Result<ClaimResult> held(const Claim& claim, Contest& contest) {
@@ -101,12 +98,10 @@ Result<ClaimResult> held(const Claim& claim, Contest& contest) {
     result.threshold = claim.limit;
     const auto run = contest.of(claim.who);
     if (!run) return run.error();
-    if (!run.value()) return result;
     result.value = claim.measure.of(*run.value());
     if (claim.than) {
         const auto other = contest.of(*claim.than);
         if (!other) return other.error();
-        if (!other.value()) return result;
         result.threshold *= claim.measure.of(*other.value());
     }
     if (claim.kind == Claim::Kind::kFails)
@@ -162,16 +157,22 @@ const char* toString(Verdict verdict) {
             return "FAILS TO FAIL";
         case Verdict::kDoesNotHold:
             return "DOES NOT HOLD";
-        case Verdict::kNoEngine:
-            break;
     }
-    return "no engine yet";
+    return "";
 }
 
 Result<std::vector<ClaimResult>> runCase(gpu::Device& device, const SuiteCase& c) {
     auto results = played(device, c);
     if (!results) return Error{results.error().code, "case " + c.name + ": " + results.error().what, results.error().native};
     return results;
+}
+
+std::vector<ClaimRecord> recordsOf(const SuiteCase& c, const std::vector<ClaimResult>& results) {
+    std::vector<ClaimRecord> records;
+    for (const ClaimResult& r : results)
+        records.push_back({c.name, c.what, nameOf(r.claim.who), r.claim.measure.name, r.claim.why, toString(r.verdict), r.value,
+                           r.threshold, r.claim.kind == Claim::Kind::kFails, wrong(r.verdict)});
+    return records;
 }
 
 std::string suiteHead() {

@@ -9,6 +9,7 @@
 
 #include "cache/shadow_cache.h"
 #include "gpu/device.h"
+#include "tools/lab/record.h"
 #include "tools/lab/run.h"
 #include "tools/lab/stage.h"
 
@@ -59,14 +60,14 @@ struct SuiteCase {
     std::vector<Claim> claims;
 };
 
-enum class Verdict : uint8_t { kFailsAsItMust, kHolds, kFailsToFail, kDoesNotHold, kNoEngine };
+enum class Verdict : uint8_t { kFailsAsItMust, kHolds, kFailsToFail, kDoesNotHold };
 const char* toString(Verdict verdict);
 inline bool wrong(Verdict verdict) { return verdict == Verdict::kFailsToFail || verdict == Verdict::kDoesNotHold; }
 
 struct ClaimResult {
     Claim claim;
     double value = 0, threshold = 0;  ///< in the measure's unit
-    Verdict verdict = Verdict::kNoEngine;
+    Verdict verdict = Verdict::kDoesNotHold;
 };
 
 /// All of them, the same every time.
@@ -78,6 +79,9 @@ constexpr int kSuiteWidth = 160, kSuiteHeight = 90;
 /// Runs each contestant of a case once, and holds every claim against what came out. Errors of what it runs, with
 /// the case's name.
 world::Result<std::vector<ClaimResult>> runCase(gpu::Device& device, const SuiteCase& c);
+
+/// What is kept of them.
+std::vector<ClaimRecord> recordsOf(const SuiteCase& c, const std::vector<ClaimResult>& results);
 
 /// Lines of a table, one for each claim; wrong ones say why they were expected.
 std::string suiteHead();
