@@ -10,7 +10,6 @@
 #include <span>
 #include <vector>
 
-#include "cache/frame_plan.h"
 #include "gpu/device.h"
 #include "world/result.h"
 
@@ -66,7 +65,7 @@ struct PassReceiver {
     glm::vec3 point{0};   ///< relative to the eye, along the world's axes [m]
     uint32_t pixel = 0;   ///< turns the filters that turn: the same number, the same angle
     glm::vec3 normal{0};  ///< unit, world, on the side that faces the sun
-    float unused = 0;
+    float unused = 0;     ///< fills it up to what the shader reads
 };
 
 struct PassAnswer {
