@@ -1,4 +1,4 @@
-// tests/culling/hidden_casters_test.cpp — whole casters that are proven hidden own no texel, and hide in part only where the map ends.
+// tests/culling/hidden_casters_test.cpp — casters and clusters that are proven hidden own no texel, and nothing beside the map counts.
 #include "culling/hidden_casters.h"
 
 #include <gtest/gtest.h>

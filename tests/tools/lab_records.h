@@ -71,7 +71,7 @@ inline std::vector<tools::lab::OcclusionRecord> someOcclusion(uint32_t seed) {
 
 inline std::vector<tools::lab::ClaimRecord> someClaims(uint32_t seed) {
     std::mt19937_64 rng(seed);
-    const auto text = [&rng] { return "'" + std::to_string(rng()) + "' </script>"; };
+    const auto text = [&rng] { return std::to_string(rng()) + "' </script>"; };
     std::vector<tools::lab::ClaimRecord> records(5);
     for (auto& r : records) {
         for (std::string* value : {&r.situation, &r.what, &r.method, &r.measure, &r.why, &r.verdict}) *value = text();
