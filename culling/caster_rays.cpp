@@ -49,7 +49,8 @@ std::vector<CasterTexel> spread(std::span<const CasterTexel> texels, size_t most
     std::vector<Candidate> candidates;
     for (size_t i = 0; i < std::min(texels.size(), kCandidates); ++i) {
         const double place = double(i) * 0.6180339887498949;  // of the golden section: no row is favoured
-        candidates.push_back({texels.size() <= kCandidates ? i : size_t((place - std::floor(place)) * double(texels.size()))});
+        const auto spot = size_t((place - std::floor(place)) * double(texels.size()));
+        candidates.push_back({texels.size() <= kCandidates ? i : spot});
     }
     while (chosen.size() < std::min(most, texels.size())) {
         chosen.push_back(texels[next]);
@@ -101,8 +102,10 @@ Result<world::Done> CasterRays::Impl::build(const std::vector<glm::vec3>& corner
     if (!indices.empty()) {
         const RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
         // Embree's own buffers: it reads 16 bytes at the last vertex, which a vector may not have.
-        void* vertices = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(glm::vec3), corners.size());
-        void* triangles = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 3 * sizeof(uint32_t), indices.size() / 3);
+        void* vertices = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(glm::vec3),
+                                                 corners.size());
+        void* triangles = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 3 * sizeof(uint32_t),
+                                                  indices.size() / 3);
         if (vertices && triangles) {  // else there is no memory, and the device's error says so
             std::copy(corners.begin(), corners.end(), static_cast<glm::vec3*>(vertices));
             std::copy(indices.begin(), indices.end(), static_cast<uint32_t*>(triangles));
@@ -115,7 +118,8 @@ Result<world::Done> CasterRays::Impl::build(const std::vector<glm::vec3>& corner
     }
     rtcCommitScene(scene);
     if (const RTCError code = rtcGetDeviceError(device); code != RTC_ERROR_NONE)
-        return Error{ErrorCode::kDevice, "Embree cannot take the casters of a map: free some memory, or take a smaller map", static_cast<int>(code)};
+        return Error{ErrorCode::kDevice, "Embree cannot take the casters of a map: free some memory, or take a smaller map",
+                     static_cast<int>(code)};
     return world::Done{};
 }
 
@@ -183,14 +187,18 @@ HiddenCasters CasterRays::hidden(int raysPerCaster) const {
     HiddenCasters found;
     for (size_t done = 0, end = 1; done < most; done = end, end = std::min(most, 4 * end)) {
         std::vector<Ray> rays;
-        for (size_t k = 0; k < open.size(); ++k)
-            for (size_t p = impl_->firstPoint[k] + done; !open[k] && p < std::min(impl_->firstPoint[k] + end, impl_->firstPoint[k + 1]); ++p)
-                rays.push_back({k, p});
+        for (size_t k = 0; k < open.size(); ++k) {
+            if (open[k]) continue;
+            const size_t first = impl_->firstPoint[k], last = std::min(first + end, impl_->firstPoint[k + 1]);
+            for (size_t p = first + done; p < last; ++p) rays.push_back({k, p});
+        }
         tbb::parallel_for(size_t(0), (rays.size() + kPacket - 1) / kPacket, [&](size_t packet) {
-            const std::span<Ray> some = std::span(rays).subspan(packet * kPacket, std::min(kPacket, rays.size() - packet * kPacket));
+            const size_t from = packet * kPacket;
+            const std::span<Ray> some = std::span(rays).subspan(from, std::min(kPacket, rays.size() - from));
             ShadowRays shot;
             for (size_t i = 0; i < some.size(); ++i)
-                shot.aim(i, impl_->points[some[i].point], {0, 0, -1}, std::numeric_limits<float>::infinity(), impl_->asked[some[i].of]);
+                shot.aim(i, impl_->points[some[i].point], {0, 0, -1}, std::numeric_limits<float>::infinity(),
+                         impl_->asked[some[i].of]);
             shot.shoot(impl_->scene);
             for (size_t i = 0; i < some.size(); ++i) some[i].open = !shot.blocked(i);
         });

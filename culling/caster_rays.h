@@ -5,9 +5,9 @@
 // Rays start where the caster would be drawn: at centres of texels that it covers, on its surface nearest the sun there.
 // So each ray asks what the map decides, whether the caster owns that texel, and a caster of which all texels are asked is
 // hidden rightly: whatever goes wrong is for want of rays. Points of the whole surface would also ask below the ground and
-// behind the caster itself, where nothing is ever seen; corners of bounds, where nothing is drawn. Of all texels the
-// first is the one nearest the middle, and each next one lies as far as can be from those before: rims and tips, which show first,
-// come early. Better points for so few rays are hard to find.
+// behind the caster itself, where nothing is ever seen; corners of bounds, where nothing is drawn. Of all texels
+// (of more than 4,096, so many of them, evenly spread) the first is the one nearest the middle, and each next one lies as far
+// as can be from those before: rims and tips, which show first, come early.
 #pragma once
 
 #include <memory>
@@ -37,7 +37,8 @@ public:
     std::span<const world::CasterId> asked() const;
 
     /// Those of `asked` from which each of so many rays meets a triangle of another caster nearer the sun, by more than
-    /// what single precision may round; a caster of fewer texels is asked a ray of each. What more rays call hidden, fewer do as well.
+    /// what single precision may round; a caster of fewer texels is asked a ray of each. What more rays call hidden,
+    /// fewer do as well.
     ///   raysPerCaster  1 to kMost
     /// Rays are shot in rounds, up to the 1st, 4th, 16th and 64th of each caster, and none of a caster after a round that
     /// found it open. Runs on all of TBB's threads and gives the same answer for any number of them.

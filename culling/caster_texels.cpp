@@ -65,7 +65,8 @@ std::vector<CasterTexel> texelsOf(const world::CasterTable& table, const LightCa
     const double texel = light.cascades()[static_cast<size_t>(map.cascade)].texel;
     const LightCaster& placed = light[caster];
     const glm::dvec2 low(map.low);
-    const TexelRange all = rangeOf(glm::dvec2(placed.bounds.min) / texel - low, glm::dvec2(placed.bounds.max) / texel - low, map.side);
+    const TexelRange all = rangeOf(glm::dvec2(placed.bounds.min) / texel - low,
+                                   glm::dvec2(placed.bounds.max) / texel - low, map.side);
     const glm::ivec2 size = all.size();
     std::vector<double> depths(size_t(size.x) * size_t(size.y), kInfinity);
     const world::MeshLevel& level = table.meshOf(caster).levels[static_cast<size_t>(light.level(caster, map.cascade))];

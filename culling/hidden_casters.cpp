@@ -27,7 +27,8 @@ ProvenHidden provenHidden(const world::CasterTable& table, const LightCasters& l
     std::vector<world::CasterId> provers;
     castersOver(statics, light, glm::dvec2(first) * texel, glm::dvec2(last) * texel, provers);
     auto& hidden = found.clusters;
-    for (const HiddenCluster& h : hiddenClusters(table, light, map.cascade, feet, provers, config)) hidden.push_back({h.caster, h.cluster});
+    for (const HiddenCluster& h : hiddenClusters(table, light, map.cascade, feet, provers, config))
+        hidden.push_back({h.caster, h.cluster});
     std::sort(hidden.begin(), hidden.end());
     for (const world::CasterId caster : asked) {
         const glm::dvec2 origin(light[caster].origin), from = low - origin, to = high - origin;

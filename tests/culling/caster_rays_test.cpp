@@ -1,5 +1,5 @@
-// tests/culling/caster_rays_test.cpp — what a few rays call hidden, and who owns texels: on scenes whose answers are known, and
-// against each other where every texel is asked.
+// tests/culling/caster_rays_test.cpp — what a few rays call hidden, and who owns texels: on scenes whose answers are
+// known, and against each other where every texel is asked.
 #include "culling/caster_rays.h"
 
 #include <gtest/gtest.h>

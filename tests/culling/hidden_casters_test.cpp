@@ -1,4 +1,4 @@
-// tests/culling/hidden_casters_test.cpp — casters and clusters that are proven hidden own no texel, and nothing beside the map counts.
+// tests/culling/hidden_casters_test.cpp — casters that are proven hidden own no texel, and nothing beside the map counts.
 #include "culling/hidden_casters.h"
 
 #include <gtest/gtest.h>
@@ -31,7 +31,8 @@ TEST(ProvenHidden, OwnNoTexelWhateverTheOrderAndTheThreads) {
         const HiddenLayers layers(seed);
         const HiddenCasters hidden = proven(layers.scene, layers.map, layers.ids);
         const Ids owners = culling::ownersOf(layers.scene.table, layers.scene.light, layers.map, layers.ids);
-        for (const CasterId id : hidden.casters) EXPECT_FALSE(std::binary_search(owners.begin(), owners.end(), id)) << "caster " << id << ", seed " << seed;
+        for (const CasterId id : hidden.casters)
+            EXPECT_FALSE(std::binary_search(owners.begin(), owners.end(), id)) << "caster " << id << ", seed " << seed;
         found += hidden.casters.size();
 
         const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, seed % 3 + 1);

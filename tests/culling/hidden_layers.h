@@ -29,11 +29,13 @@ struct HiddenLayers {
         const auto uniform = [&rng](double low, double high) { return low + (high - low) * double(rng()) / 4294967296.0; };
         const auto add = [&](world::MeshSlot mesh, double low, double high, double tilt) {
             world::Placement at = placedAt(origin + glm::dvec3(uniform(-6, 6), uniform(low, high), uniform(-6, 6)));
-            const glm::dquat turn = glm::angleAxis(uniform(-tilt, tilt), glm::dvec3(1, 0, 0)) * glm::angleAxis(uniform(-tilt, tilt), glm::dvec3(0, 0, 1));
-            at.linear = glm::mat3(glm::mat3_cast(turn));
+            const glm::dquat x = glm::angleAxis(uniform(-tilt, tilt), glm::dvec3(1, 0, 0));
+            const glm::dquat z = glm::angleAxis(uniform(-tilt, tilt), glm::dvec3(0, 0, 1));
+            at.linear = glm::mat3(glm::mat3_cast(x * z));
             ids.push_back(scene.addStatic(mesh, at));
         };
-        const auto large = scene.addMesh(sheetMesh(5, 6)), box = scene.addMesh(boxMesh({0.7f, 0.9f, 0.6f})), small = scene.addMesh(sheetMesh(0.5f, 3));
+        const auto large = scene.addMesh(sheetMesh(5, 6)), small = scene.addMesh(sheetMesh(0.5f, 3));
+        const auto box = scene.addMesh(boxMesh({0.7f, 0.9f, 0.6f}));
         for (int i = 0; i < 12; ++i) add(large, 2, 6, 0.2);
         for (int i = 0; i < 150; ++i) add(i % 2 ? box : small, -6, 4, 3);
     }

@@ -63,7 +63,8 @@ Studied studiedWith(size_t threads) {
     const world_tests::TempFolder folder;
     auto kept = tools::TruthStore::open(folder.file("occlusion.truth"));
     EXPECT_TRUE(kept);
-    const auto truth = tools::lab::traceTruth(setting, path, tools::lab::judgedFrames(path.size(), 2), config, kept.value(), [](size_t, size_t) {});
+    const auto truth = tools::lab::traceTruth(setting, path, tools::lab::judgedFrames(path.size(), 2), config, kept.value(),
+                                              [](size_t, size_t) {});
     if (!truth) throw std::runtime_error(truth.error().what);
     culling::ShadowMethod method = culling::methodNamed("gnomon").value();
     method.side = 256;

@@ -30,7 +30,8 @@ struct Way {
     int rays;  ///< a caster; 0: none is left out
 };
 constexpr std::array<Way, 5> kWays{{{"all drawn", 0}, {"1 ray", 1}, {"4 rays", 4}, {"16 rays", 16}, {"64 rays", 64}}};
-constexpr std::array<const char*, 2> kProofs{"texel-exact", "by cluster"};  ///< whole casters; then clusters as well, as gnomon does
+/// Casters left out whole, then by cluster as well, as Gnomon does.
+constexpr std::array<const char*, 2> kProofs{"texel-exact", "by cluster"};
 
 /// Before what a map's depths begin with [m]: all is drawn.
 constexpr double kEverywhere = -std::numeric_limits<double>::infinity();
@@ -53,7 +54,8 @@ void compare(const Images& all, const Images& some, std::span<const ShadowView> 
 class Study {
 public:
     Study(const Setting& setting, const culling::ShadowMethod& method, const world::Pose& first)
-        : setting_(setting), method_(method), views_(viewsFor(first)), casters_(setting.scene, setting.light, method, views_) {
+        : setting_(setting), method_(method), views_(viewsFor(first)),
+          casters_(setting.scene, setting.light, method, views_) {
         for (const Way& way : kWays) records_.push_back({.way = way.name});
         for (const char* name : kProofs) records_.push_back({.way = name});
     }
@@ -100,7 +102,8 @@ public:
 
 private:
     std::vector<ShadowView> viewsFor(const world::Pose& pose) const {
-        return culling::viewsOf(method_, setting_.light, viewAt(setting_, pose), kNearDistance, setting_.farDistance, setting_.scene.bounds());
+        return culling::viewsOf(method_, setting_.light, viewAt(setting_, pose), kNearDistance, setting_.farDistance,
+                                setting_.scene.bounds());
     }
 
     /// Asks each way about the casters over a map.
@@ -147,7 +150,8 @@ private:
             plan.clears.push_back(views_[v].map);
             std::vector<CasterId> left;
             // Both ascend.
-            std::set_difference(statics_[v].begin(), statics_[v].end(), hidden_[w][v].begin(), hidden_[w][v].end(), std::back_inserter(left));
+            std::set_difference(statics_[v].begin(), statics_[v].end(), hidden_[w][v].begin(), hidden_[w][v].end(),
+                                std::back_inserter(left));
             const std::span<const CasterCluster> clusters = byCluster ? clusters_[v] : std::span<const CasterCluster>();
             left.insert(left.end(), setting_.scene.movers().begin(), setting_.scene.movers().end());
             records_[w].triangles += casters_.draw(left, int(v), views_[v], *target_, plan, kEverywhere, clusters).triangles;
@@ -189,14 +193,16 @@ Result<std::vector<OcclusionRecord>> studyOcclusion(const Setting& setting, std:
 
 std::string occlusionTable(std::span<const OcclusionRecord> records) {
     char line[512];
-    std::snprintf(line, sizeof line, "%-12s %9s %9s %9s | %10s %9s | %9s %9s | %10s %10s | %9s %9s\n", "hidden by", "asked", "hidden",
-                  "wrongly", "texels off", "by m", "lit %", "added %", "triangles", "rays", "prepare", "ms");
+    std::snprintf(line, sizeof line, "%-12s %9s %9s %9s | %10s %9s | %9s %9s | %10s %10s | %9s %9s\n", "hidden by",
+                  "asked", "hidden", "wrongly", "texels off", "by m", "lit %", "added %", "triangles", "rays", "prepare", "ms");
     std::string table = line;
     for (const OcclusionRecord& r : records) {
-        std::snprintf(line, sizeof line, "%-12s %9.1f %9.1f %9.2f | %10.1f %9.2f | %9.4f %9.4f | %10.0f %10.0f | %9.1f %9.2f\n",
-                      r.way.c_str(), r.aFrame(r.asked), r.aFrame(r.hidden), r.aFrame(r.wronglyHidden), r.aFrame(r.texelsWrong), r.deepest,
-                      r.percent(r.falseLit), r.percent(r.falseLit) - r.percent(records.front().falseLit), r.aFrame(r.triangles),
-                      r.aFrame(r.rays), r.aFrame(r.prepareMs), r.aFrame(r.ms));
+        const double added = r.percent(r.falseLit) - records.front().percent(records.front().falseLit);
+        std::snprintf(line, sizeof line,
+                      "%-12s %9.1f %9.1f %9.2f | %10.1f %9.2f | %9.4f %9.4f | %10.0f %10.0f | %9.1f %9.2f\n", r.way.c_str(),
+                      r.aFrame(r.asked), r.aFrame(r.hidden), r.aFrame(r.wronglyHidden), r.aFrame(r.texelsWrong), r.deepest,
+                      r.percent(r.falseLit), added, r.aFrame(r.triangles), r.aFrame(r.rays), r.aFrame(r.prepareMs),
+                      r.aFrame(r.ms));
         table += line;
     }
     return table;

@@ -23,7 +23,7 @@ struct OcclusionRecord {
     uint64_t rays = 0;          ///< shot, or texel centres asked about
     uint64_t triangles = 0;     ///< left to draw: statics and movers
     uint64_t texels = 0, texelsWrong = 0;  ///< of the maps; of these, other than with all casters drawn
-    double deepest = 0;         ///< most that one of them lies deeper than it should [m]; an emptied one: to the map's far end
+    double deepest = 0;         ///< most that one of them is too deep [m]; an emptied one lies at the map's far end
     uint64_t pixels = 0, falseLit = 0, falseShadow = 0;  ///< that face the sun, and are wrong
     double prepareMs = 0;       ///< to build the tree of triangles and find where rays start; measured, as `ms`
     double ms = 0;              ///< to ask
@@ -34,9 +34,9 @@ struct OcclusionRecord {
     friend bool operator==(const OcclusionRecord&, const OcclusionRecord&) = default;
 };
 
-/// Draws the maps of `method` in all judged frames, whole, whatever it keeps: first with all casters, then without those that
-/// 1, 4, 16 and 64 rays of each, and then a proof, call hidden; at last without all clusters that are proven hidden, of
-/// whichever caster. One record each, in this order. Movers are always drawn, and
+/// Draws the maps of `method` in all judged frames, whole, whatever it keeps: first with all casters, then without those
+/// that 1, 4, 16 and 64 rays of each, and then a proof, call hidden; at last without all clusters that are proven hidden,
+/// of whichever caster. One record each, in this order. Movers are always drawn, and
 /// hide nothing. All but times is the same for any number of threads.
 ///   method   one whose maps lie square on a lattice: around the eye, snapped
 ///   onFrame  after each judged frame: frames done, of how many
