@@ -93,7 +93,7 @@ ShadowMethod scroll() {
 /// frame: a fifth of the finest cascade's reach.
 ShadowMethod gnomon() {
     ShadowMethod method{.name = "gnomon"};
-    method.bias = {.receiver = 0.5, .gradient = 0.2, .gradientMost = 16, .plane = true};
+    method.bias = {.receiver = 0.5, .gradient = 0.3, .gradientMost = 16, .plane = true};
     method.filter = Filter::kBox2;
     method.blend = 0.4;
     method.keep = Keep::kCached;
