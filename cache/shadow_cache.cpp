@@ -84,6 +84,7 @@ public:
 private:
     using Cascade = Scratch::Cascade;
     CascadePlan& maps(size_t c) { return plan_.cascades[cache_.config_.firstMap + cascades_[c].state->map]; }
+    void changed(size_t cascade, std::vector<Invalidation>& left, std::vector<Invalidation>& joined) const;
     void sleep(size_t cascade);
     void collect(size_t cascade);
     bool drawWhole(const Limits& limits);
@@ -141,6 +142,17 @@ ShadowCache::Frame::Frame(const ShadowCache& cache, std::span<const Target> targ
     }
 }
 
+/// Where the frame's events change static maps under a cascade's window: by departures, and by arrivals alone.
+void ShadowCache::Frame::changed(size_t c, std::vector<Invalidation>& left, std::vector<Invalidation>& joined) const {
+    const State& state = *cascades_[c].state;
+    const Sabotage sabotage = cache_.config_.sabotage;
+    if (sabotage != Sabotage::kDeafDeparture) departed(state.lattice, cascades_[c].number, state.window, events_, left);
+    if (sabotage != Sabotage::kDeafArrival) arrived(scene_, state.lattice, cascades_[c].number, state.window, events_, joined);
+    if (sabotage == Sabotage::kSilentLevel)
+        for (auto* list : {&left, &joined})
+            std::erase_if(*list, [](const Invalidation& i) { return i.cause == Cause::kLevel; });
+}
+
 /// Notes what happens under a window that nobody looks at.
 void ShadowCache::Frame::sleep(size_t c) {
     State& state = *cascades_[c].state;
@@ -148,11 +160,10 @@ void ShadowCache::Frame::sleep(size_t c) {
     s.asleep = true;
     s.window = state.window.min;
     if (!state.drawn) return;
-    std::vector<Invalidation> invalid;
-    if (cache_.config_.sabotage != Sabotage::kDeafDeparture)
-        departed(state.lattice, cascades_[c].number, state.window, events_, invalid);
-    arrived(scene_, state.lattice, cascades_[c].number, state.window, events_, invalid);
-    for (const Invalidation& i : invalid) state.owed.add({i.rect, i.cause, Owes::kStale, cache_.frame_});
+    std::vector<Invalidation> left, joined;
+    changed(c, left, joined);
+    for (const auto& invalid : {left, joined})
+        for (const Invalidation& i : invalid) state.owed.add({i.rect, i.cause, Owes::kStale, cache_.frame_});
     state.owed.compactStale();  // a cascade may sleep for long; nothing becomes unknown meanwhile
     if (cache_.config_.sabotage != Sabotage::kSleptMotion)
         for (const world::Box& box : events_.activeDirt)
@@ -204,10 +215,8 @@ void ShadowCache::Frame::collect(size_t c) {
     for (const TexelRect& slab : exposedSlabs(before.min, window.min, state.lattice.side))
         cover(slab, Cause::kScroll, Owes::kUnknown, true);
     std::vector<Invalidation> left, joined;
-    if (cache_.config_.sabotage != Sabotage::kDeafDeparture)
-        departed(state.lattice, cascades_[c].number, window, events_, left);
+    changed(c, left, joined);
     for (const Invalidation& i : left) cover(i.rect, i.cause, Owes::kStale, true);
-    arrived(scene_, state.lattice, cascades_[c].number, window, events_, joined);
     for (const Invalidation& i : joined) cover(i.rect, i.cause, Owes::kStale, false);
     state.owed.clear();  // all of it is in the list now; what is left undone comes back
 }
@@ -402,8 +411,9 @@ void ShadowCache::Frame::run() {
         for (const TexelRect& rect : cascade.forgotten.rects()) dirt.addExactly(rect);
         for (const TexelRect& rect : state.slept.rects()) dirt.add(intersection(rect, state.window));
         state.slept.clear();
-        for (const world::Box& box : events_.activeDirt)
-            dirt.add(intersection(footprint(state.lattice, box), state.window));
+        if (cache_.config_.sabotage != Sabotage::kUnrestored)
+            for (const world::Box& box : events_.activeDirt)
+                dirt.add(intersection(footprint(state.lattice, box), state.window));
         PlanWriter writer(scene_, state.depth, cascade.number, state.lattice, plan_);
         writeWorking(scratch_.active, state.lattice, dirt.rects(), writer, maps(c), statistics_[c], pieces_, casters_);
     }

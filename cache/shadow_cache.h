@@ -37,6 +37,10 @@ enum class Sabotage : uint8_t {
     kSleptMotion,       ///< active casters that moved while a cascade slept leave their old texels behind
     kSilentLack,        ///< maps that lack chunks say that they are whole (done by the server)
     kKeptDepths,        ///< the range of depths moves and the texels keep what they hold
+    kDeafArrival,       ///< what joins the static set is not drawn
+    kSilentLevel,       ///< a caster that changes its level of detail neither departs nor arrives
+    kUnrestored,        ///< the working map keeps what active casters drew in the frame before
+    kLostMaps,          ///< other settings, and a cascade that keeps its state loses its maps (done by the server)
 };
 
 struct CacheConfig {

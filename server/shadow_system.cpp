@@ -195,6 +195,7 @@ Result<world::Done> ShadowSystem::reconfigure(const MapSettings& settings) {
         const auto kept = std::find(s.cascades.begin(), s.cascades.end(), cascades.value()[c]);
         if (keptCameras == 0 || kept == s.cascades.end()) continue;
         from[c] = int(kept - s.cascades.begin());
+        if (s.config.sabotage == cache::Sabotage::kLostMaps) continue;
         for (size_t k = 0; k < keptCameras; ++k) fromMaps[k * perCamera + c] = int(old.caches[k].map(from[c]));
     }
     auto refit = s.scene.refit(cascades.value(), sceneConfig(config), from);

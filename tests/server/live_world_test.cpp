@@ -101,7 +101,8 @@ TEST(LiveWorld, EachDefectIsSeen) {
     for (const cache::Sabotage sabotage :
          {cache::Sabotage::kLiteralScroll, cache::Sabotage::kDeafDeparture, cache::Sabotage::kStickyCertificate,
           cache::Sabotage::kForgottenDebt, cache::Sabotage::kUnknownAsEmpty, cache::Sabotage::kMixedSuns,
-          cache::Sabotage::kSleptMotion}) {
+          cache::Sabotage::kSleptMotion, cache::Sabotage::kDeafArrival, cache::Sabotage::kUnrestored,
+          cache::Sabotage::kLostMaps}) {
         ShadowConfig config = small();
         config.sabotage = sabotage;
         config.movingSun = sabotage == cache::Sabotage::kMixedSuns;  // a sun that steps drops all certificates

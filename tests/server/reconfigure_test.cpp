@@ -143,13 +143,35 @@ world::BakeSource hills() {
     return source;
 }
 
-TEST(Reconfigure, OtherLevelsDepartAndArriveAndMoveShadowsByLessThanTheirErrors) {
-    const world::WorldStore store = tests::baked(hills(), "hills.world");
+ShadowConfig onHills() {
     ShadowConfig config;
     config.cascades = 2;
     config.side = 256;
     config.farDistance = 120;
     config.geometryBytes = 64 << 20;
+    return config;
+}
+
+TEST(Reconfigure, VerificationSeesLevelsThatSwitchInSilence) {
+    const world::WorldStore store = tests::baked(hills(), "silent_hills.world");
+    ShadowConfig config = onHills();
+    config.sabotage = cache::Sabotage::kSilentLevel;
+    const auto made = ShadowSystem::create(tests::validatedDevice(), store, config);
+    ASSERT_TRUE(made) << made.error().what;
+    ShadowSystem& system = *made.value();
+    const server::FrameInput input{0, {glm::dvec3(192, 10, 192), {1, 0, 0, 0}}, {}};
+    ASSERT_TRUE(system.advance(input));
+    EXPECT_EQ(system.verify().value().differing, 0u);
+    server::MapSettings settings = system.config();
+    settings.levelError = 2;
+    ASSERT_TRUE(system.reconfigure(settings));
+    ASSERT_TRUE(system.advance(input));
+    EXPECT_GT(system.verify().value().differing, 0u);
+}
+
+TEST(Reconfigure, OtherLevelsDepartAndArriveAndMoveShadowsByLessThanTheirErrors) {
+    const world::WorldStore store = tests::baked(hills(), "hills.world");
+    ShadowConfig config = onHills();
     const auto made = ShadowSystem::create(tests::validatedDevice(), store, config);
     ASSERT_TRUE(made) << made.error().what;
     ShadowSystem& system = *made.value();

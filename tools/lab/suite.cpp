@@ -37,6 +37,14 @@ const char* textOf(cache::Sabotage sabotage) {
             return ", silent on lacks";
         case cache::Sabotage::kKeptDepths:
             return ", keeps depths";
+        case cache::Sabotage::kDeafArrival:
+            return ", deaf to arrivals";
+        case cache::Sabotage::kSilentLevel:
+            return ", silent on levels";
+        case cache::Sabotage::kUnrestored:
+            return ", restores nothing";
+        case cache::Sabotage::kLostMaps:
+            return ", loses maps";
     }
     return "";
 }
