@@ -331,21 +331,21 @@ world::Result<world::Done> ResidentScene::remove(ObjectId number) {
     return world::Done{};
 }
 
+world::Result<world::Done> ResidentScene::requireMove(const ObjectUpdate& update) const {
+    const auto found = living(update.object);
+    if (!found) return found.error();
+    const world::CasterId id = found.value()->caster;
+    return requirePlaceable("object " + std::to_string(update.object), table_.meshOf(id), update.placement, table_[id].margin);
+}
+
 void ResidentScene::moveObjects(double time, std::span<const ObjectUpdate> updates, SceneChanges& changes) {
     for (const ObjectUpdate& update : updates) {
-        const auto found = living(update.object);
-        if (!found) {
-            changes.errors.push_back(found.error());
+        if (const auto can = requireMove(update); !can) {
+            changes.errors.push_back(can.error());
             continue;
         }
-        const Object& object = *found.value();
+        const Object& object = *living(update.object).value();
         const world::CasterId id = object.caster;
-        if (auto fits = requirePlaceable("object " + std::to_string(update.object), table_.meshOf(id), update.placement,
-                                         table_[id].margin);
-            !fits) {
-            changes.errors.push_back(fits.error());
-            continue;
-        }
         if (table_[id].placement == update.placement && !object.deforms) continue;
         if (table_[id].state == world::CasterState::kStatic) {
             leaveStatics(id, cache::Cause::kDemotion);

@@ -93,6 +93,7 @@ public:
     /// See ShadowSystem.
     world::Result<ObjectId> spawn(uint32_t mesh, const world::Placement& placement, const ObjectTraits& traits);
     world::Result<world::Done> remove(ObjectId object);
+    world::Result<world::Done> requireMove(const ObjectUpdate& update) const;
 
     /// The scene fitted to other cascades; nothing has changed yet.
     struct Refit {

@@ -58,6 +58,8 @@ Result<world::Done> ShadowSystem::Impl::takeCameras(const FrameInput& input) {
         const std::string name = "camera " + std::to_string(k) + ": ";
         if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z))
             return wrong(name + "its position is not finite; give metres");
+        const double turn = glm::length(camera.orientation);
+        if (!(turn > 0.99 && turn < 1.01)) return wrong(name + "its orientation is no rotation; give a unit quaternion");
         if (!(camera.verticalFov >= 0 && camera.verticalFov < glm::pi<double>() && camera.aspect > 0 &&
               std::isfinite(camera.aspect)))
             return wrong(name + "give a field of view in [0, pi) and an aspect above 0");

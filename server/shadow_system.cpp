@@ -157,6 +157,10 @@ Result<ObjectId> ShadowSystem::spawn(uint32_t mesh, const world::Placement& plac
 
 Result<world::Done> ShadowSystem::remove(ObjectId object) { return impl_->scene.remove(object); }
 
+Result<world::Done> ShadowSystem::requireMove(const ObjectUpdate& update) const {
+    return impl_->scene.requireMove(update);
+}
+
 Result<world::Done> ShadowSystem::edit(const world::TerrainEdit& edit) { return impl_->edits.give(edit); }
 
 Result<SpotId> ShadowSystem::addSpot(const culling::SpotLight& light) { return impl_->spots.add(light); }

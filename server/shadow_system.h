@@ -171,6 +171,8 @@ public:
     /// Takes the object out of the world for good, from the next frame on. kNotFound for an object that
     /// does not exist or was removed already.
     world::Result<world::Done> remove(ObjectId object);
+    /// What `advance` would say of an update: kNotFound, kUsage and kLimit as above.
+    world::Result<world::Done> requireMove(const ObjectUpdate& update) const;
     /// Digs or fills, from the next frame on; in the order in which edits are given. Made on a thread of its own from
     /// here on, which `advance` waits for but under the live clock. Chunks need not be in memory. kUsage, kLimit and
     /// kNotFound for an edit that makes no sense: then nothing happens. What goes wrong later, and kLimit for more

@@ -19,6 +19,7 @@
 #include "tools/options.h"
 #include "tools/output_folder.h"
 #include "tools/progress.h"
+#include "tools/replay_recording.h"
 #include "tools/replay.h"
 #include "tools/summary.h"
 #include "world/movers.h"
@@ -51,6 +52,8 @@ struct ReplayOptions {
     double diskLatencyMs = 4, diskBandwidthMB = 200;
     gpu::DeviceConfig device;
     std::string dump, out;  ///< empty: no pictures; NAME.replay
+    std::string worlds;     ///< of a recording
+    bool compare = false;
 };
 
 /// What drawing into cache maps may take in a frame of the live clock, unless another budget is given [ms]: half of
@@ -260,6 +263,9 @@ Result<int> runReplay(const ReplayOptions& options) {
     std::optional<tbb::global_control> limit;
     if (options.threads > 0)
         limit.emplace(tbb::global_control::max_allowed_parallelism, size_t(options.threads));
+    if (options.world.ends_with(server::kRecordingEnding))
+        return replayRecording({options.world, options.worlds, options.compare, options.device});
+    if (options.path.empty()) return usage("--path is required: the camera path to play");
     const auto config = shadowConfig(options);
     if (!config) return config.error();
     const auto spots = spotLights(options);
@@ -309,7 +315,7 @@ void addSystemOptions(CLI::App& parser, ReplayOptions& options) {
     parser.add_option("--budget-triangles", options.budgetTriangles, "most static triangles that a frame draws")
         ->check(CLI::Range(uint64_t(1), uint64_t(1) << 40));
     parser.add_option("--budget-ms", options.shadow.budget.ms,
-                      "most time that the GPU's part may take [ms], by measure; with --clock live 8, if no budget is given");
+                      "most time that the GPU's part may take [ms], by measure; with --clock live 16, if no budget is given");
     parser.add_option("--spot", options.spots,
                       "X,Y,Z,DX,DY,DZ,ANGLE,RANGE of a spot light [m, degrees from axis to edge]; may be given again")
         ->allow_extra_args(false);
@@ -341,8 +347,10 @@ void addSystemOptions(CLI::App& parser, ReplayOptions& options) {
 Command addReplayCommand(CLI::App& app) {
     const auto options = std::make_shared<ReplayOptions>();
     CLI::App* parser = app.add_subcommand("replay", "Play a recorded path through a world");
-    parser->add_option("world", options->world, "world file")->required();
-    parser->add_option("--path", options->path, "camera path, TUM trajectory")->required();
+    parser->add_option("world", options->world, "world file, or a session's recording NAME.gnomonrec")->required();
+    parser->add_option("--path", options->path, "camera path, TUM trajectory; needed with a world");
+    parser->add_option("--worlds", options->worlds, "folder of a recording's world; the recording's own by default");
+    parser->add_flag("--compare", options->compare, "with a recording: stop at the first reply that differs from the recorded one");
     parser->add_option("--movers", options->movers, "recorded motion of objects, CSV");
     parser->add_option("--frames", options->frames, "FIRST:END, frame numbers to play");
     parser->add_option("--fps", options->fps, "resample the path to this rate; its own times by default");

@@ -1,0 +1,465 @@
+#include "server/service.h"
+
+#include <grpcpp/ext/proto_server_reflection_plugin.h>
+#include <grpcpp/grpcpp.h>
+#include <sys/random.h>
+#include <zstd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <thread>
+#include <vector>
+
+#include "server/gnomon.grpc.pb.h"
+#include "server/recording.h"
+#include "server/session_stream.h"
+#include "server/stopwatch.h"
+#include "server/turns.h"
+
+namespace server {
+
+namespace v1 = gnomon::v1;
+using grpc::Status;
+using grpc::StatusCode;
+using world::Done;
+using world::Error;
+using world::ErrorCode;
+using world::Result;
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+/// Of a watch over idle sessions and replies that nobody reads.
+constexpr auto kWatchPeriod = std::chrono::milliseconds(100);
+constexpr int kZstdLevel = 1;  // depths of a frame are read once
+
+Status statusOf(const Error& error) {
+    switch (error.code) {
+        case ErrorCode::kUsage: return {StatusCode::INVALID_ARGUMENT, error.what};
+        case ErrorCode::kNotFound: return {StatusCode::NOT_FOUND, error.what};
+        case ErrorCode::kBadData: return {StatusCode::DATA_LOSS, error.what};
+        case ErrorCode::kIo: return {StatusCode::UNAVAILABLE, error.what};
+        case ErrorCode::kDevice: return {StatusCode::UNAVAILABLE, error.what};
+        case ErrorCode::kLimit: return {StatusCode::RESOURCE_EXHAUSTED, error.what};
+    }
+    return {StatusCode::INTERNAL, error.what};
+}
+
+/// 128 random bits, as 32 hexadecimal digits.
+std::string secret() {
+    unsigned char bytes[16];
+    CHECK(::getrandom(bytes, sizeof bytes, 0) == ssize_t(sizeof bytes));
+    std::string text;
+    for (const unsigned char b : bytes) {
+        text += "0123456789abcdef"[b >> 4];
+        text += "0123456789abcdef"[b & 15];
+    }
+    return text;
+}
+
+/// Whether only this machine can reach an address.
+bool local(const std::string& listen) {
+    return listen.starts_with("unix:") || listen.starts_with("127.") || listen.starts_with("localhost:") ||
+           listen.starts_with("[::1]:");
+}
+
+Result<std::shared_ptr<grpc::ServerCredentials>> credentialsOf(const ServiceConfig& config) {
+    if (!config.tls) {
+        if (local(config.listen)) return grpc::InsecureServerCredentials();
+        return Error{ErrorCode::kUsage, "listen " + config.listen + ": others can reach that address; give certificate, key and the "
+                                        "clients' authority (mutual TLS), or listen on 127.0.0.1 or unix:PATH"};
+    }
+    const auto texts = readTls(*config.tls);
+    if (!texts) return texts.error();
+    grpc::SslServerCredentialsOptions options(GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY);
+    options.pem_root_certs = texts.value().authority;
+    options.pem_key_cert_pairs.push_back({texts.value().key, texts.value().certificate});
+    return grpc::SslServerCredentials(options);
+}
+
+/// A session that is open, or being opened.
+struct Live {
+    Live(grpc::CallbackServerContext* context, const StreamLimits& limits) : stream(context, limits) {}
+    SessionStream stream;
+    uint64_t number = 0;
+    std::string secret;
+    std::shared_ptr<const OpenedWorld> world;
+    std::unique_ptr<server::Session> session;  ///< used in a turn, or not at all; null until it is open, and again at its end
+    bool gone = false;  ///< gRPC has let go of the stream
+};
+
+}  // namespace
+
+struct Service::Impl final : v1::Gnomon::WithCallbackMethod_Session<v1::Gnomon::Service> {
+    Impl(gpu::Device& d, const ServiceConfig& c, std::function<void(const ServiceEvent&)> e)
+        : device(d), config(c), onEvent(std::move(e)) {}
+
+    void tell(const ServiceEvent& event) {
+        const std::lock_guard lock(eventMutex);
+        if (onEvent) onEvent(event);
+    }
+
+    Status ListWorlds(grpc::ServerContext*, const v1::ListWorldsRequest*, v1::ListWorldsReply* reply) override {
+        const auto names = worlds->names();
+        if (!names) return statusOf(names.error());
+        for (const std::string& name : names.value()) reply->add_names(name);
+        return Status::OK;
+    }
+
+    Status OpenWorld(grpc::ServerContext*, const v1::OpenWorldRequest* request, v1::WorldInfo* reply) override {
+        const auto world = worlds->open(request->name());
+        if (!world) return statusOf(world.error());
+        *reply = describe(*world.value());
+        return Status::OK;
+    }
+
+    grpc::ServerBidiReactor<v1::SessionRequest, v1::SessionReply>* Session(grpc::CallbackServerContext* context) override {
+        const std::lock_guard lock(mutex);
+        const auto live = std::make_shared<Live>(context, StreamLimits{config.waitingFrames, config.messageBytes});
+        if (stopping || lives.size() >= config.sessions) {
+            const Error error = stopping ? Error{ErrorCode::kIo, "the server stops; try again later"}
+                                         : Error{ErrorCode::kLimit, "sessions: " + std::to_string(config.sessions) +
+                                                                        " are open, and no more are served; try again later"};
+            tell({"refused", 0, error.what, 0});
+            auto* refusal = new Refusal;
+            refusal->Finish(statusOf(error));
+            return refusal;
+        }
+        live->number = ++numbers;
+        live->secret = secret();
+        lives.push_back(live);
+        live->stream.start([this, l = live.get()](SessionStream&) { return serve(*l); },
+                           [this, l = live.get()] {
+                               const std::lock_guard guard(mutex);
+                               l->gone = true;
+                               changed.notify_all();
+                           });
+        return &live->stream;
+    }
+
+    /// A stream that is told why it is not served.
+    struct Refusal final : grpc::ServerBidiReactor<v1::SessionRequest, v1::SessionReply> {
+        void OnDone() override { delete this; }
+    };
+
+    /// A session from its first request to its end, on its own thread.
+    Status serve(Live& live) {
+        Status status = run(live);
+        if (const Status verdict = live.stream.verdict(); !verdict.ok()) status = verdict;
+        uint64_t drawn = 0;
+        {
+            const Turns::Turn turn(turns);
+            if (live.session) drawn = live.session->frames();
+            live.session.reset();
+        }
+        tell({"ended", live.number, status.ok() ? "by the client" : status.error_message(), drawn});
+        return status;
+    }
+
+    Status QueryShadow(grpc::ServerContext*, const v1::QueryShadowRequest* request, v1::QueryShadowReply* reply) override {
+        if (request->points().size() % 24 != 0)
+            return {StatusCode::INVALID_ARGUMENT, "points: give 24 bytes each, x, y and z as doubles"};
+        const size_t count = request->points().size() / 24;
+        if (count > config.queryPoints)
+            return statusOf({ErrorCode::kLimit, "points: " + std::to_string(count) + "; ask for at most " + std::to_string(config.queryPoints) + " at once"});
+        if (!request->normals().empty() && request->normals().size() != count * 12)
+            return {StatusCode::INVALID_ARGUMENT, "normals: give 12 bytes a point, x, y and z as floats, or none"};
+        std::vector<glm::dvec3> points(count);
+        std::memcpy(points.data(), request->points().data(), request->points().size());
+        for (size_t i = 0; !request->normals().empty() && i < count; ++i) {
+            glm::vec3 normal;
+            std::memcpy(&normal, request->normals().data() + i * 12, 12);
+            points[i] += glm::dvec3(normal) * request->normal_offset();
+        }
+        for (const glm::dvec3& p : points)
+            if (!std::isfinite(p.x + p.y + p.z)) return {StatusCode::INVALID_ARGUMENT, "points: one is not finite; give metres"};
+        LookupBias bias;
+        if (request->bias_texels() != 0) bias.texels = request->bias_texels();
+        if (request->bias_metres() != 0) bias.metres = request->bias_metres();
+        if (!std::isfinite(bias.texels) || !std::isfinite(bias.metres)) return {StatusCode::INVALID_ARGUMENT, "bias: not finite"};
+
+        const auto live = find(request->session());
+        if (!live) return statusOf(live.error());
+        std::vector<PointAnswer> answers;
+        {
+            const Turns::Turn turn(turns);
+            if (const auto ready = drawn(*live.value()); !ready) return statusOf(ready.error());
+            server::Session& session = *live.value()->session;
+            if (request->camera() >= uint32_t(session.system().config().cameras))
+                return {StatusCode::INVALID_ARGUMENT, "camera: the session has " + std::to_string(session.system().config().cameras)};
+            auto found = session.system().lookup(points, bias, int(request->camera()));
+            if (!found) return statusOf(found.error());
+            answers = std::move(found.value());
+            reply->set_frame(session.frames() - 1);
+        }
+        std::string &light = *reply->mutable_light(), &cascade = *reply->mutable_cascade(), &flags = *reply->mutable_flags();
+        for (std::string* bytes : {&light, &cascade, &flags}) bytes->resize(count);
+        for (size_t i = 0; i < count; ++i) {
+            light[i] = char(answers[i].light == Light::kLit ? v1::LIT : answers[i].light == Light::kShadowed ? v1::SHADOWED : v1::UNKNOWN);
+            cascade[i] = char(answers[i].cascade);
+            flags[i] = char((answers[i].fell ? 1 : 0) | (answers[i].stale ? 2 : 0));
+        }
+        return Status::OK;
+    }
+
+    Status GetDepthMap(grpc::ServerContext*, const v1::GetDepthMapRequest* request,
+                       grpc::ServerWriter<v1::DepthTile>* writer) override {
+        const uint32_t tile = request->tile() == 0 ? 256 : request->tile();
+        if (!std::has_single_bit(tile) || tile < 16 || tile > 1024)
+            return {StatusCode::INVALID_ARGUMENT, "tile: give a power of two from 16 to 1024 texels"};
+        const auto live = find(request->session());
+        if (!live) return statusOf(live.error());
+        std::vector<float> depths;
+        v1::DepthTile answer;
+        uint32_t side = 0;
+        {
+            const Turns::Turn turn(turns);
+            if (const auto ready = drawn(*live.value()); !ready) return statusOf(ready.error());
+            server::Session& session = *live.value()->session;
+            if (request->cascade() >= uint32_t(session.system().cascades()))
+                return {StatusCode::INVALID_ARGUMENT, "cascade: the session has " + std::to_string(session.system().cascades())};
+            auto read = session.system().readMap(int(request->cascade()),
+                                                 request->working() ? gpu::MapKind::kWorking : gpu::MapKind::kCache);
+            if (!read) return statusOf(read.error());
+            depths = std::move(read.value());
+            *answer.mutable_cascade() = session.cascade(int(request->cascade()));
+            answer.set_frame(session.frames() - 1);
+            side = uint32_t(session.system().config().side);
+        }
+        std::vector<float> part;
+        for (uint32_t y = 0; y < side; y += tile)
+            for (uint32_t x = 0; x < side; x += tile) {
+                const uint32_t width = std::min(tile, side - x), height = std::min(tile, side - y);
+                part.clear();
+                for (uint32_t j = 0; j < height; ++j) {
+                    const auto row = depths.begin() + std::ptrdiff_t(size_t(y + j) * side + x);
+                    part.insert(part.end(), row, row + width);
+                }
+                answer.set_x(x);
+                answer.set_y(y);
+                answer.set_width(width);
+                answer.set_height(height);
+                std::string& bytes = *answer.mutable_depths();
+                const size_t raw = part.size() * sizeof(float);
+                if (request->zstd()) {
+                    bytes.resize(ZSTD_compressBound(raw));
+                    bytes.resize(ZSTD_compress(bytes.data(), bytes.size(), part.data(), raw, kZstdLevel));
+                } else {
+                    bytes.assign(reinterpret_cast<const char*>(part.data()), raw);
+                }
+                if (!writer->Write(answer)) return Status::CANCELLED;
+                answer.clear_cascade();
+            }
+        return Status::OK;
+    }
+
+    Result<std::shared_ptr<Live>> find(const std::string& name) {
+        const std::lock_guard lock(mutex);
+        const auto found = std::find_if(lives.begin(), lives.end(), [&](const auto& live) { return live->secret == name; });
+        if (found != lives.end()) return *found;
+        return Error{ErrorCode::kNotFound, "session: none of that name is open; give what SessionOpened told"};
+    }
+
+    /// Within a turn.
+    static Result<Done> drawn(const Live& live) {
+        if (!live.session) return Error{ErrorCode::kNotFound, "session: it has ended"};
+        if (live.session->frames() == 0) return Error{ErrorCode::kUsage, "session: it has drawn no frame yet; send one first"};
+        return Done{};
+    }
+
+    Result<Done> openSession(Live& live, const v1::OpenSession& request) {
+        auto world = worlds->open(request.world());
+        if (!world) return world.error();
+        live.world = std::move(world.value());
+        const Turns::Turn turn(turns);
+        auto session = server::Session::open(device, live.world->store, request, config.session);
+        if (!session) return session.error();
+        live.session = std::move(session.value());
+        return Done{};
+    }
+
+    Status run(Live& live) {
+        const auto first = live.stream.next(false);
+        if (first.empty()) return {StatusCode::INVALID_ARGUMENT, "the stream ended before its session was opened"};
+        if (!first.front().has_open()) return {StatusCode::INVALID_ARGUMENT, "the first request of a session opens it; give `open`"};
+        if (const auto opened = openSession(live, first.front().open()); !opened) {
+            tell({"refused", live.number, opened.error().what, 0});
+            return statusOf(opened.error());
+        }
+        tell({"opened", live.number, live.world->name, 0});
+        v1::SessionReply reply;
+        *reply.mutable_opened()->mutable_world() = describe(*live.world);
+        reply.mutable_opened()->set_resident_bytes(config.session.residentBytes);
+        reply.mutable_opened()->set_geometry_bytes(config.session.geometryBytes);
+        std::optional<RecordingWriter> recording;
+        if (!config.record.empty()) {
+            auto made = RecordingWriter::create(config.record + "/" + std::to_string(started) + "-" + std::to_string(live.number) + kRecordingEnding);
+            if (!made) return statusOf(made.error());
+            recording = std::move(made.value());
+        }
+        if (const Status kept = keep(recording, EntryKind::kRequest, first.front()); !kept.ok()) return kept;
+        if (const Status kept = keep(recording, EntryKind::kReply, reply); !kept.ok()) return kept;
+        reply.mutable_opened()->set_session(live.secret);
+        if (!live.stream.write(reply)) return Status::CANCELLED;
+        const bool latest = first.front().open().latest_pose_wins();
+        for (;;) {
+            auto requests = live.stream.next(latest);
+            if (requests.empty()) return Status::OK;
+            for (const v1::SessionRequest& request : requests)
+                if (!request.has_frame()) return {StatusCode::INVALID_ARGUMENT, "after the first request of a session come frames; give `frame`"};
+            v1::SessionRequest request = std::move(requests.front());
+            for (size_t i = 1; i < requests.size(); ++i) mergeFrames(*request.mutable_frame(), std::move(*requests[i].mutable_frame()));
+            if (const Status kept = keep(recording, EntryKind::kRequest, request); !kept.ok()) return kept;
+            if (const auto frame = draw(live, request.frame(), *reply.mutable_frame()); !frame) return statusOf(frame.error());
+            reply.mutable_frame()->set_answers(uint32_t(requests.size()));
+            if (const Status kept = keep(recording, EntryKind::kReply, reply); !kept.ok()) return kept;
+            if (!live.stream.write(reply)) return Status::CANCELLED;
+        }
+    }
+
+    /// A session that cannot be recorded ends: a recording that has a hole is worse than one that ends.
+    static Status keep(std::optional<RecordingWriter>& recording, EntryKind kind, const google::protobuf::MessageLite& message) {
+        if (!recording) return Status::OK;
+        const auto kept = recording->add(kind, message.SerializeAsString());
+        if (kept) return Status::OK;
+        return {StatusCode::RESOURCE_EXHAUSTED, "recording " + std::filesystem::path(recording->path()).filename().string() + ": " +
+                                                    std::strerror(kept.error().native)};
+    }
+
+    Result<Done> draw(Live& live, const v1::Frame& request, v1::FrameReply& reply) {
+        const Stopwatch watch;
+        const Turns::Turn turn(turns);
+        const double waited = watch.ms();
+        auto frame = live.session->frame(request);
+        if (!frame) return frame.error();
+        reply = std::move(frame.value());
+        reply.mutable_times()->set_wait(waited);
+        framesDrawn.fetch_add(1, std::memory_order_relaxed);
+        return Done{};
+    }
+
+    /// Ends sessions that ask nothing, whose replies nobody reads, or that have no frame under way while the service
+    /// stops; and buries those that have ended.
+    void watch() {
+        std::unique_lock lock(mutex);
+        while (!watchEnds) {
+            const auto now = Clock::now();
+            const auto over = [now](const std::optional<Clock::time_point>& since, double seconds) {
+                return since && std::chrono::duration<double>(now - *since).count() > seconds;
+            };
+            std::vector<std::shared_ptr<Live>> hopeless;
+            for (const auto& live : lives) {
+                const SessionStream::Wait waits = live->stream.waits();
+                const bool unread = over(waits.writing, config.unreadSeconds);
+                if (unread) live->stream.end({StatusCode::DEADLINE_EXCEEDED, "nobody reads the session's replies"});
+                else if (over(waits.asking, config.idleSeconds))
+                    live->stream.end({StatusCode::DEADLINE_EXCEEDED, "the session was idle for too long; open another"});
+                else if (stopping) live->stream.end({StatusCode::UNAVAILABLE, "the server stops; open a session again later"});
+                if (unread || (stopping && now > lastMoment)) hopeless.push_back(live);
+            }
+            std::vector<std::shared_ptr<Live>> ended;
+            std::erase_if(lives, [&](const auto& live) {
+                if (live->gone) ended.push_back(live);
+                return live->gone;
+            });
+            lock.unlock();
+            for (const auto& live : hopeless) live->stream.cancel();
+            for (const auto& live : ended) live->stream.join();
+            lock.lock();
+            changed.notify_all();
+            if (ended.empty()) changed.wait_for(lock, kWatchPeriod);
+        }
+    }
+
+    gpu::Device& device;
+    const ServiceConfig config;
+    const std::function<void(const ServiceEvent&)> onEvent;
+    std::mutex eventMutex;
+    std::unique_ptr<WorldFolder> worlds;
+    Turns turns;  ///< of whoever uses the device
+    std::mutex mutex;
+    std::condition_variable changed;
+    std::vector<std::shared_ptr<Live>> lives;
+    uint64_t numbers = 0;
+    std::atomic<uint64_t> framesDrawn{0};
+    bool stopping = false, watchEnds = false;
+    Clock::time_point lastMoment;
+    int64_t started = 0;  ///< [s] since 1970, for names of recordings
+    std::thread watcher;
+    std::string address;
+    std::unique_ptr<grpc::Server> server;
+};
+
+Service::Service(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+
+Service::~Service() { stop(std::chrono::milliseconds(0)); }
+
+Result<std::unique_ptr<Service>> Service::start(gpu::Device& device, const ServiceConfig& config,
+                                                std::function<void(const ServiceEvent&)> onEvent) {
+    if (config.sessions == 0 || config.messageBytes == 0 || config.waitingFrames == 0 || !(config.idleSeconds > 0) ||
+        !(config.unreadSeconds > 0) || config.messageBytes > kLongestMessage)
+        return Error{ErrorCode::kUsage, "limits of the service: give more than 0 of each, and messages of at most 256 MiB"};
+    auto impl = std::make_unique<Impl>(device, config, std::move(onEvent));
+    auto worlds = WorldFolder::create(config.worlds);
+    if (!worlds) return worlds.error();
+    impl->worlds = std::move(worlds.value());
+    if (!config.record.empty() && !std::filesystem::is_directory(config.record))
+        return Error{ErrorCode::kNotFound, config.record + ": no folder; make the one that recordings go to"};
+    const auto credentials = credentialsOf(config);
+    if (!credentials) return credentials.error();
+    impl->started = std::chrono::duration_cast<std::chrono::seconds>(std::chrono::system_clock::now().time_since_epoch()).count();
+
+    grpc::EnableDefaultHealthCheckService(true);
+    grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+    grpc::ServerBuilder builder;
+    int port = 0;
+    builder.AddListeningPort(config.listen, credentials.value(), &port);
+    builder.SetMaxReceiveMessageSize(int(config.messageBytes));
+    builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);  // a second server is told that the address is taken
+    builder.RegisterService(impl.get());
+    impl->server = builder.BuildAndStart();
+    if (!impl->server || (port == 0 && !config.listen.starts_with("unix:")))
+        return Error{ErrorCode::kIo, "listen " + config.listen + ": that address cannot be had; is another server on it?"};
+    const size_t colon = config.listen.rfind(':');
+    impl->address = config.listen.starts_with("unix:") ? config.listen : config.listen.substr(0, colon + 1) + std::to_string(port);
+    impl->watcher = std::thread([i = impl.get()] { i->watch(); });
+    impl->tell({"listening", 0, impl->address, 0});
+    return std::unique_ptr<Service>(new Service(std::move(impl)));
+}
+
+const std::string& Service::address() const { return impl_->address; }
+
+size_t Service::sessions() const {
+    const std::lock_guard lock(impl_->mutex);
+    return impl_->lives.size();
+}
+
+uint64_t Service::frames() const { return impl_->framesDrawn.load(std::memory_order_relaxed); }
+
+void Service::stop(std::chrono::milliseconds patience) {
+    Impl& s = *impl_;
+    if (!s.server) return;
+    {
+        std::unique_lock lock(s.mutex);
+        s.stopping = true;
+        s.lastMoment = Clock::now() + patience;
+        s.changed.notify_all();
+        s.changed.wait(lock, [&s] { return s.lives.empty(); });  // the watch ends them
+    }
+    s.server->Shutdown(std::chrono::system_clock::now() + std::chrono::milliseconds(500));
+    {
+        const std::lock_guard lock(s.mutex);
+        s.watchEnds = true;
+        s.changed.notify_all();
+    }
+    s.watcher.join();
+    s.server.reset();
+    s.tell({"stopped", 0, s.address, s.framesDrawn});
+}
+
+}  // namespace server
