@@ -93,6 +93,7 @@ private:
     PlanWriter::Counts write(const Work& work);
     void owe(const Work& work, const TexelRect& rect);
     void forgetDepths(size_t cascade, const TexelRect& rect);
+    void noteDrawn(const Work& work);
     void count(size_t cascade);
 
     const ShadowCache& cache_;
@@ -133,6 +134,7 @@ ShadowCache::Frame::Frame(const ShadowCache& cache, std::span<const Target> targ
         const auto [state, number] = targets[c];
         if (!state->drawn) state->depth = state->anchor.at(demand.eye.z);
         Cascade& cascade = cascades_[c];
+        state->redrawn.clear();
         cascade.state = state;
         cascade.number = number;
         cascade.before = state->window;
@@ -247,6 +249,12 @@ PlanWriter::Counts ShadowCache::Frame::write(const Work& work) {
     return counts;
 }
 
+void ShadowCache::Frame::noteDrawn(const Work& work) {
+    Cascade& cascade = cascades_[size_t(work.cascade)];
+    cascade.drawn.addExactly(work.region.rect);
+    cascade.state->redrawn.push_back({work.region.rect, work.region.cause});
+}
+
 /// Draws everything uncut: cut work draws clusters once for each block that they meet. False if the limits leave no room
 /// for it; then nothing is drawn.
 bool ShadowCache::Frame::drawWhole(const Limits& limits) {
@@ -273,7 +281,7 @@ bool ShadowCache::Frame::drawWhole(const Limits& limits) {
     for (size_t k = 0; k < work_.size(); ++k) {
         CascadeStatistics& s = statistics_[size_t(work_[k].cascade)];
         tally(s, s.byCause[size_t(work_[k].region.cause)], scratch_.counts[k]);
-        cascades_[size_t(work_[k].cascade)].drawn.addExactly(work_[k].region.rect);
+        noteDrawn(work_[k]);
     }
     return true;
 }
@@ -324,7 +332,7 @@ bool ShadowCache::Frame::take(Work work, Limits& left) {
         const bool smallest = std::max(size.x, size.y) <= kSmallestBlock;
         if (counts.cost.triangles <= left.triangles || (smallest && left.untouched)) {
             tally(s, s.byCause[size_t(work.region.cause)], counts);
-            cascades_[c].drawn.addExactly(work.region.rect);
+            noteDrawn(work);
             drawn_ += counts.cost;
             left = left.less(counts.cost);
             continue;

@@ -88,6 +88,12 @@ struct Events {
     std::span<const world::Box> activeDirt;  ///< light-space bounds where active casters were or are new
 };
 
+/// A region that a frame drew into a cache map, and why.
+struct Redrawn {
+    TexelRect rect;  ///< inside the window
+    Cause cause = Cause::kStart;
+};
+
 /// What a frame is asked for.
 struct Demand {
     glm::dvec3 eye{0};    ///< light space [m]
@@ -150,6 +156,8 @@ public:
     std::span<const OwedRegion> owed(int cascade) const { return states_[size_t(cascade)].owed.regions(); }
     /// Where the working map alone is stale: active casters moved while the cascade slept.
     std::span<const TexelRect> slept(int cascade) const { return states_[size_t(cascade)].slept.rects(); }
+    /// What the last plan drew into the cascade's cache map: disjoint. Until the next plan.
+    std::span<const Redrawn> redrawn(int cascade) const { return states_[size_t(cascade)].redrawn; }
     const Lattice& lattice(int cascade) const { return states_[size_t(cascade)].lattice; }
     const CacheConfig& config() const { return config_; }
 
@@ -171,6 +179,7 @@ private:
         bool drawn = false;  ///< the maps hold the window
         OwedSet owed;
         RectSet slept;
+        std::vector<Redrawn> redrawn;  ///< by the last plan
     };
     struct Rebase {
         int cascade = 0;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "cache/invalidation.h"
 #include "culling/cascades.h"
 #include "culling/light_space.h"
 #include "server/shadow_system_impl.h"
@@ -309,6 +310,35 @@ std::span<const cache::StoreRect> ShadowSystem::clearedRects(int cascade) const 
     CHECK(impl_->planned);
     const CascadeOf of = impl_->shown().of(cascade);
     return impl_->plan.cascades[of.cache.map(of.cascade)].clears;
+}
+
+std::span<const cache::Redrawn> ShadowSystem::redrawn(int cascade) const {
+    const CascadeOf of = impl_->shown().of(cascade);
+    return of.cache.redrawn(of.cascade);
+}
+
+std::vector<cache::TexelRect> ShadowSystem::activeRects(int cascade, size_t most) const {
+    const CascadeOf of = impl_->shown().of(cascade);
+    const cache::Scene scene = impl_->scene.view(0, false);
+    std::vector<cache::TexelRect> rects;
+    for (const world::CasterId caster : scene.active) {
+        if (rects.size() == most) break;
+        const cache::TexelRect rect = cache::intersection(
+            cache::footprint(of.cache.lattice(of.cascade), scene.light[caster].bounds), of.cache.window(of.cascade));
+        if (!rect.empty()) rects.push_back(rect);
+    }
+    return rects;
+}
+
+double ShadowSystem::chunkSize() const { return impl_->store.header().chunkSize; }
+
+std::vector<ChunkPlace> ShadowSystem::chunks() const {
+    const world::Streamer& streamer = impl_->scene.streamer();
+    std::vector<ChunkPlace> places;
+    for (uint32_t i = 0; i < impl_->store.chunks().size(); ++i)
+        if (const world::ChunkPhase phase = streamer.phaseOf(i); phase != world::ChunkPhase::kAway)
+            places.push_back({impl_->store.chunks()[i].key, phase});
+    return places;
 }
 
 }  // namespace server

@@ -139,6 +139,12 @@ struct FrameReport {
 /// What drawing every cascade whole would cost in the current state, without drawing: static part. By number.
 using RedrawCosts = std::vector<cache::Cost>;
 
+/// A chunk of the world and where it stands.
+struct ChunkPlace {
+    world::ChunkKey key;
+    world::ChunkPhase phase = world::ChunkPhase::kAway;
+};
+
 /// Which maps, while the sun steps.
 enum class SunMaps : uint8_t {
     kShown,
@@ -237,6 +243,15 @@ public:
     const world::MeshLevel& geometry(cache::GeometryId id) const;
     /// Regions of the last frame's plan that were cleared (redrawn from nothing), stored order.
     std::span<const cache::StoreRect> clearedRects(int cascade) const;
+    /// What the last frame drew into a cascade's shown cache map, lattice texels: disjoint, each region with its one
+    /// cause. Until the next `advance`.
+    std::span<const cache::Redrawn> redrawn(int cascade) const;
+    /// Texels of a cascade's window that active casters may cover: one rectangle each, by caster, of the first `most`
+    /// that show there.
+    std::vector<cache::TexelRect> activeRects(int cascade, size_t most) const;
+    /// All chunks that are not away, by key.
+    std::vector<ChunkPlace> chunks() const;
+    double chunkSize() const;  ///< edge of a chunk [m]
 
 private:
     struct Impl;

@@ -66,6 +66,15 @@ bool Streamer::resident(ChunkKey key) const {
     return record < chunks_.size() && chunks_[record].chunk != nullptr;
 }
 
+ChunkPhase Streamer::phaseOf(uint32_t record) const {
+    CHECK(record < chunks_.size());
+    const ChunkState& c = chunks_[record];
+    if (c.chunk) return c.lackingSince >= 0 ? ChunkPhase::kCoarse : ChunkPhase::kResident;
+    if (c.failed) return ChunkPhase::kFailed;
+    if (c.reading != kAbsent) return ChunkPhase::kLoading;
+    return c.goal != kAbsent || c.lackingSince >= 0 ? ChunkPhase::kWanted : ChunkPhase::kAway;
+}
+
 const Mesh& Streamer::mesh(uint32_t id) const {
     CHECK(id < meshes_.size() && meshes_[id].mesh);
     return *meshes_[id].mesh;

@@ -72,6 +72,16 @@ struct Lack {
     double since = 0;       ///< [s]
 };
 
+/// Where a chunk stands.
+enum class ChunkPhase : uint8_t {
+    kAway,      ///< not in memory, and nothing asks for it
+    kWanted,    ///< should be read, or a map needs it and there is no room
+    kLoading,   ///< being read
+    kCoarse,    ///< in memory, more coarsely than a map needs
+    kResident,  ///< in memory
+    kFailed,    ///< cannot be read
+};
+
 /// Keeps what is wanted resident as far as memory goes: nearest first, and coarse levels of all before fine ones
 /// of any. What is not wanted any more stays while there is room. One thread at a time.
 ///
@@ -104,6 +114,7 @@ public:
     const Box& boundsOf(uint32_t record) const;
 
     bool resident(ChunkKey key) const;
+    ChunkPhase phaseOf(uint32_t record) const;
     size_t residentChunks() const { return resident_.size(); }
     uint64_t residentBytes() const { return bytes_ + aside_; }  ///< decoded, with what is being read and set aside
     uint64_t geometryBytes() const { return geometry_; }  ///< of what is resident
