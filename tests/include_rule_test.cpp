@@ -31,7 +31,7 @@ const std::map<std::string, std::string> kHome = {
     {"openvdb/", "world"}, {"gdal", "world"},     {"ogr", "world"},      {"cpl_", "world"},
     {"sqlite3", "world"},  {"embree", "culling"}, {"vulkan/", "gpu"},    {"vk_mem_alloc", "gpu"},
     {"glslang/", "gpu"},   {"grpc", "server"},    {"httplib", "server"}, {"gtest/", "tests"},
-    {"gmock/", "tests"},
+    {"gmock/", "tests"},  {"boost/asio", "server"}, {"boost/beast", "server"},
 };
 
 /// Libraries whose headers stay out of our own headers, so that only their home's .cpp files need them.

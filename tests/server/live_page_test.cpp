@@ -1,0 +1,133 @@
+// The live page in a headless Chromium (tests/server/live_page_test.py), fed by a real system that drives through a small
+// world; and what watching costs a frame.
+#include <array>
+#include <atomic>
+#include <cstdio>
+#include <cstdlib>
+#include <thread>
+
+#include "server/http_server.h"
+#include "server/stopwatch.h"
+#include "tests/server/worlds.h"
+
+namespace {
+
+using server::FrameInput;
+using server::HttpServer;
+using server::LiveBoard;
+using server::ShadowConfig;
+using server::ShadowSystem;
+
+/// Drives in a circle, with a box that moves and one that can be taken away.
+class Drive {
+public:
+    Drive(LiveBoard& board, const world::WorldStore& store, const ShadowConfig& config, glm::dvec3 centre, double radius)
+        : live_(board.open("drive in a circle", "streets")), centre_(centre), radius_(radius) {
+        auto made = ShadowSystem::create(tests::validatedDevice(), store, config);
+        if (!made) throw std::runtime_error(made.error().what);
+        system_ = std::move(made.value());
+    }
+
+    void adopt(const std::string& mover, const std::string& victim) {
+        mover_ = system_->adopt(mover).value();
+        victim_ = system_->adopt(victim).value();
+    }
+
+    void step() {
+        const double time = frame_++ / 30.0, angle = 0.25 * time;
+        std::vector<server::ObjectUpdate> updates;
+        if (mover_) {
+            world::Placement placement = system_->restPlacement(*mover_);
+            placement.translation += glm::dvec3(3 * std::sin(2 * time), 0, 3 * std::cos(2 * time));
+            updates.push_back({*mover_, placement});
+        }
+        if (inject.exchange(false) && victim_) {
+            if (!system_->remove(*victim_)) throw std::runtime_error("nothing to remove");
+            victim_.reset();
+        }
+        FrameInput input;
+        input.time = time;
+        input.camera.position = centre_ + radius_ * glm::dvec3(std::cos(angle), 0, std::sin(angle));
+        input.camera.orientation = glm::angleAxis(-angle + 3.14159265, glm::dvec3(0, 1, 0));
+        input.objects = updates;
+        const server::Stopwatch watch;
+        auto report = system_->advance(input);
+        if (!report) throw std::runtime_error(report.error().what);
+        if (auto done = system_->finish(report.value()); !done) throw std::runtime_error(done.error().what);
+        live_.publish(*system_, input, report.value(), watch.ms());
+    }
+
+    std::atomic<bool> inject = false;
+
+private:
+    server::LiveSession live_;
+    glm::dvec3 centre_;
+    double radius_;
+    std::unique_ptr<ShadowSystem> system_;
+    std::optional<server::ObjectId> mover_, victim_;
+    int frame_ = 0;
+};
+
+ShadowConfig driving() {
+    ShadowConfig config;
+    config.cascades = 4;
+    config.side = 256;
+    config.farDistance = 70;
+    config.geometryBytes = 16 << 20;
+    return config;
+}
+
+/// GNOMON_PAGE_PICTURES names a folder for screenshots, GNOMON_PAGE_WORLD another world to drive through for them.
+TEST(LivePage, ShowsWhatHappens) {
+    LiveBoard board;
+    board.setReady(true);
+    const char *pictures = std::getenv("GNOMON_PAGE_PICTURES"), *other = std::getenv("GNOMON_PAGE_WORLD");
+    auto opened = other ? world::WorldStore::open(other) : world::Result<world::WorldStore>(tests::baked(tests::streets({0, 0, 0}), "page.world"));
+    ASSERT_TRUE(opened) << opened.error().what;
+    ShadowConfig config = driving();
+    if (other) {
+        config.side = 1024;
+        config.farDistance = 300;
+        config.geometryBytes = 512u << 20;
+    }
+    Drive drive(board, opened.value(), config, {0, other ? 40 : 2, 0}, other ? 90 : 25);
+    if (!other) drive.adopt("box (1,0,0) 1", "box (0,0,0) 1");
+    auto server = HttpServer::start(board, {});
+    ASSERT_TRUE(server) << server.error().what;
+    const uint16_t port = server.value()->port();
+
+    std::atomic<bool> stop = false;
+    std::thread driver([&] {
+        for (auto next = std::chrono::steady_clock::now(); !stop; next += std::chrono::milliseconds(33)) {
+            drive.step();
+            std::this_thread::sleep_until(next);
+        }
+    });
+    const std::string command = "/usr/bin/python3 '" GNOMON_SOURCE_DIR "/tests/server/live_page_test.py' http://localhost:" +
+                                std::to_string(port) + "/" + (pictures ? std::string(" '") + pictures + "'" : "");
+    FILE* page = popen(command.c_str(), "re");
+    ASSERT_TRUE(page);
+    std::string said;
+    for (std::array<char, 1024> line; fgets(line.data(), line.size(), page);) {
+        const std::string text = line.data();
+        if (text == "inject\n") {
+            drive.inject = true;
+        } else if (text == "restart\n") {
+            server.value().reset();
+            std::this_thread::sleep_for(std::chrono::seconds(2));
+            server = HttpServer::start(board, {.port = port});
+            EXPECT_TRUE(server) << server.error().what;
+        } else {
+            said += text;
+        }
+    }
+    const int status = pclose(page);
+    stop = true;
+    driver.join();
+    if (WEXITSTATUS(status) == 77) GTEST_SKIP() << said;
+    EXPECT_EQ(status, 0) << said;
+    EXPECT_EQ(said, "ok\n");
+    tests::expectSilence();
+}
+
+}  // namespace
