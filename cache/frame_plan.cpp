@@ -9,6 +9,7 @@ namespace cache {
 
 void FramePlan::reset(size_t maps) {
     transforms.clear();
+    casters.clear();
     items.clear();
     cascades.assign(maps, {});
 }

@@ -65,6 +65,7 @@ struct FramePlan {
     /// Rows x, y, depth of the affine map from a mesh's own frame to clip space (w = 1):
     /// clip = vec3(dot(m[0], v1), dot(m[1], v1), dot(m[2], v1)) with v1 = (v, 1).
     std::vector<glm::mat3x4> transforms;
+    std::vector<uint32_t> casters;  ///< per transform: whose it is; for accounts, not for drawing
     std::vector<DrawItem> items;
     std::vector<CascadePlan> cascades;
 

@@ -68,6 +68,7 @@ void PlanWriter::add(uint32_t cluster) {
         for (int k = 0; k < 3; ++k) rows[2][k] = static_cast<float>(light.lightFromMesh[k][2] / depth_.length);
         rows[2][3] = static_cast<float>((light.origin.z - depth_.near) / depth_.length);
         plan_.transforms.push_back(rows);
+        plan_.casters.push_back(caster_);
         placed_ = true;
         ++counts_.cost.casters;
     }

@@ -271,6 +271,7 @@ bool ShadowCache::Frame::drawWhole(const Limits& limits) {
         triangles += scratch_.counts.back().cost.triangles;
         if (triangles <= limits.triangles) continue;
         plan_.transforms.resize(transforms);
+        plan_.casters.resize(transforms);
         plan_.items.resize(items);
         for (size_t c = 0; c < statistics_.size(); ++c) {
             maps(c).clears.resize(scratch_.written[c].first);
@@ -338,6 +339,7 @@ bool ShadowCache::Frame::take(Work work, Limits& left) {
             continue;
         }
         plan_.transforms.resize(transforms);
+        plan_.casters.resize(transforms);
         plan_.items.resize(items);
         cascade.clears.resize(clears);
         cascade.staticPasses.resize(passes);

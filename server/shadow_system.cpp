@@ -304,6 +304,41 @@ const cache::FramePlan& ShadowSystem::plan() const {
     return impl_->plan;
 }
 
+std::vector<CasterCost> ShadowSystem::dearestCasters(size_t most) const {
+    const cache::FramePlan& drawn = plan();
+    struct Sum {
+        world::CasterId caster;
+        uint64_t triangles, draws;
+    };
+    std::vector<Sum> sums;
+    for (const cache::CascadePlan& cascade : drawn.cascades)
+        for (const cache::DrawPass& pass : cascade.staticPasses)
+            for (uint32_t k = pass.firstItem; k < pass.firstItem + pass.itemCount; ++k)
+                sums.push_back({drawn.casters[drawn.items[k].transform], drawn.items[k].indexCount / 3, 1});
+    std::sort(sums.begin(), sums.end(), [](const Sum& a, const Sum& b) { return a.caster < b.caster; });
+    size_t kept = 0;
+    for (size_t k = 0; k < sums.size(); ++k) {
+        if (kept > 0 && sums[kept - 1].caster == sums[k].caster) {
+            sums[kept - 1].triangles += sums[k].triangles;
+            sums[kept - 1].draws += sums[k].draws;
+        } else {
+            sums[kept++] = sums[k];
+        }
+    }
+    sums.resize(kept);
+    most = std::min(most, kept);
+    std::partial_sort(sums.begin(), sums.begin() + ptrdiff_t(most), sums.end(), [](const Sum& a, const Sum& b) {
+        return std::pair(b.triangles, a.caster) < std::pair(a.triangles, b.caster);
+    });
+    std::vector<CasterCost> costs;
+    const world::CasterTable& table = impl_->scene.casters();
+    for (size_t k = 0; k < most; ++k) {
+        const world::Box& bounds = table[sums[k].caster].bounds;
+        costs.push_back({table.describe(sums[k].caster), 0.5 * (bounds.min + bounds.max), sums[k].triangles, sums[k].draws});
+    }
+    return costs;
+}
+
 const world::MeshLevel& ShadowSystem::geometry(cache::GeometryId id) const { return impl_->scene.geometry(id); }
 
 std::span<const cache::StoreRect> ShadowSystem::clearedRects(int cascade) const {

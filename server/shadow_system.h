@@ -136,6 +136,14 @@ struct FrameReport {
     std::vector<world::Error> errors;  ///< per item; the frame went on without it
 };
 
+/// What a static caster cost in a frame, over all cascades.
+struct CasterCost {
+    std::string name;       ///< as errors name it: "instance 17 of chunk (1,0,2)"
+    glm::dvec3 pWorld{0};   ///< middle of its bounds [m]
+    uint64_t triangles = 0;  ///< sent to the rasteriser, once for each region that it was drawn in
+    uint64_t draws = 0;
+};
+
 /// What drawing every cascade whole would cost in the current state, without drawing: static part. By number.
 using RedrawCosts = std::vector<cache::Cost>;
 
@@ -239,6 +247,9 @@ public:
     world::Result<uint64_t> mapHash(int cascade, gpu::MapKind kind);
     /// The last frame's plan for the cascades, until the next `advance`.
     const cache::FramePlan& plan() const;
+    /// The static casters that cost the last frame the most triangles, dearest first, at most `most`; until the next
+    /// `advance`.
+    std::vector<CasterCost> dearestCasters(size_t most) const;
     /// What that plan's items draw.
     const world::MeshLevel& geometry(cache::GeometryId id) const;
     /// Regions of the last frame's plan that were cleared (redrawn from nothing), stored order.

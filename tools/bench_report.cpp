@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "tools/machine.h"
 #include "tools/summary.h"
 
 namespace tools {
@@ -49,13 +50,6 @@ double statusMiB(const std::string& field) {
         if (word == field + ":" && status >> kib) return kib / 1024;
     }
     return 0;
-}
-
-std::string processor() {
-    std::ifstream info("/proc/cpuinfo");
-    for (std::string line; std::getline(info, line);)
-        if (line.starts_with("model name")) return line.substr(std::min(line.size(), line.find(':') + 2));
-    return "unknown processor";
 }
 
 }  // namespace

@@ -142,10 +142,33 @@ RgbImage scrollPicture(const ScrollMaps& maps) {
     return image;
 }
 
+RgbImage smallPicture(const RgbImage& picture) {
+    const int side = picture.width, views = picture.height / side;
+    const int factor = (side + kSmallView - 1) / kSmallView, small = side / factor;
+    RgbImage image{views * small, small, {}};
+    image.pixels.reserve(size_t(image.width) * size_t(image.height) * 3);
+    for (int y = 0; y < small; ++y)
+        for (int x = 0; x < views * small; ++x)
+            for (int channel = 0; channel < 3; ++channel) {
+                int sum = 0;
+                for (int dy = 0; dy < factor; ++dy)
+                    for (int dx = 0; dx < factor; ++dx) {
+                        const int row = (x / small) * side + y * factor + dy, column = (x % small) * factor + dx;
+                        sum += picture.pixels[size_t((row * side + column) * 3 + channel)];
+                    }
+                image.pixels.push_back(uint8_t(sum / (factor * factor)));
+            }
+    return image;
+}
+
 Dump::Dump(const OutputFolder& folder, size_t frames) : folder_(folder) {
     // The middle of each eighth: the first frame, which draws everything, would show little.
     for (size_t k = 0; k < kFrames; ++k) wanted_.push_back((2 * k + 1) * frames / (2 * kFrames));
     wanted_.erase(std::unique(wanted_.begin(), wanted_.end()), wanted_.end());
+}
+
+Dump::Dump(const OutputFolder& folder, std::vector<size_t> wanted) : folder_(folder), wanted_(std::move(wanted)) {
+    std::sort(wanted_.begin(), wanted_.end());
 }
 
 bool Dump::wants(size_t index) const { return std::binary_search(wanted_.begin(), wanted_.end(), index); }
@@ -177,6 +200,8 @@ world::Result<world::Done> Dump::after(server::ShadowSystem& system, const Repla
     }
     // Compression takes most of the time, and the pictures have nothing to do with each other.
     std::vector<std::optional<world::Error>> errors(cascades);
+    const size_t firstSmall = small_.size();
+    small_.resize(firstSmall + cascades);
     tbb::parallel_for(size_t(0), cascades, [&](size_t c) {
         const cache::CascadeStatistics& statistics = frame.report.cascades[c];
         const ScrollMaps maps{side,       statistics.window,          statistics.move, before_[c], cached[c],
@@ -185,7 +210,13 @@ world::Result<world::Done> Dump::after(server::ShadowSystem& system, const Repla
         std::snprintf(name, sizeof name, "frame_%06llu_cascade_%zu",
                       static_cast<unsigned long long>(frame.number), c);
         const std::string path = folder_.pathFor(name);
-        auto done = writePng(scrollPicture(maps), path + ".png");
+        const RgbImage picture = scrollPicture(maps);
+        auto done = writePng(picture, path + ".png");
+        auto png = pngOf(smallPicture(picture));
+        if (png)
+            small_[firstSmall + c] = {frame.number, int(c), std::move(png.value())};
+        else
+            done = png.error();
         if (done)
             done = writeDepthPng(unwrap(working[c], side, statistics.window), side, path + "_depth.png");
         if (!done) errors[c] = done.error();

@@ -1,7 +1,10 @@
 // tools/dump.h — pictures of what a scroll kept and what it drew, to see a cascade's cache at work.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "server/shadow_system.h"
@@ -31,7 +34,18 @@ struct ScrollMaps {
 /// height toward the sun over the map's own trend, white the nearest; empty texels are blue.
 RgbImage scrollPicture(const ScrollMaps& maps);
 
-/// Dumps 8 frames spread evenly over a replay, per cascade `frame_NUMBER_cascade_C.png` (see
+/// The same three views side by side, each shrunk by a whole factor to at most kSmallView pixels a side.
+constexpr int kSmallView = 352;
+RgbImage smallPicture(const RgbImage& picture);
+
+/// A small picture of a frame's cascade, PNG.
+struct DumpedPicture {
+    uint64_t frame = 0;
+    int cascade = 0;
+    std::vector<std::byte> png;
+};
+
+/// Dumps frames of a replay, by default 8 spread evenly, per cascade `frame_NUMBER_cascade_C.png` (see
 /// scrollPicture) and `frame_NUMBER_cascade_C_depth.png`, the working map in window order.
 /// One thread at a time.
 class Dump {
@@ -39,6 +53,8 @@ public:
     static constexpr size_t kFrames = 8;
     /// `folder` must outlive the dump; `frames` is the replay's length.
     Dump(const OutputFolder& folder, size_t frames);
+    /// Frames of one's own, counted from the first one played.
+    Dump(const OutputFolder& folder, std::vector<size_t> wanted);
 
     /// Whether the frame at `index`, counted from the first one played, is to be dumped.
     bool wants(size_t index) const;
@@ -46,10 +62,13 @@ public:
     world::Result<world::Done> before(server::ShadowSystem& system);
     /// Writes the pictures of the frame just advanced and verified: the scratch maps hold its redraw.
     world::Result<world::Done> after(server::ShadowSystem& system, const ReplayFrame& frame);
+    /// Small ones of all that was dumped, by frame and cascade; hands them out once.
+    std::vector<DumpedPicture> takeSmall() { return std::move(small_); }
 
 private:
     const OutputFolder& folder_;
     std::vector<size_t> wanted_;              ///< ascending
+    std::vector<DumpedPicture> small_;
     std::vector<std::vector<float>> before_;  ///< cache map per cascade
 };
 

@@ -2,18 +2,22 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <sstream>
 #include <string>
 #include <utility>
 
+#include "tools/input_hash.h"
 #include "tools/lab/judge_all.h"
 #include "tools/lab/session.h"
 #include "tools/lab/suite.h"
 #include "tools/method_file.h"
 #include "tools/progress.h"
+#include "tools/results_store.h"
 
 namespace tools {
 namespace {
@@ -26,6 +30,7 @@ struct LabOptions {
     lab::SessionOptions session;
     std::string methods;
     std::string out;  ///< empty: NAME.lab
+    std::string results;  ///< a results file; empty: none
     bool suite = false;
     bool occlusion = false;
 };
@@ -40,6 +45,39 @@ Result<std::vector<culling::ShadowMethod>> methodsOf(const std::string& names) {
         methods.push_back(std::move(method.value()));
     }
     return methods;
+}
+
+/// What goes into a results file when all methods are done.
+struct Recording {
+    ResultsStore store;
+    RunRecord run;
+    std::vector<lab::MethodRecord> methods;
+};
+
+/// None where no results were asked for.
+Result<std::optional<Recording>> openRecording(const LabOptions& options, const lab::Session& session) {
+    if (options.results.empty()) return std::optional<Recording>();
+    auto run = beginRecord("lab", *session.store, options.session.world, *session.device);
+    if (!run) return run.error();
+    RunRecord& r = run.value();
+    r.path = std::filesystem::path(options.session.path).filename().string();
+    r.pathHash = hexOf(hashPoses(session.poses, 0));
+    r.movers = std::filesystem::path(options.session.movers).filename().string();
+    if (!session.movers.empty()) r.moversHash = hexOf(hashMovers(session.movers, 0));
+    r.frames = session.poses.size();
+    r.settings = nlohmann::ordered_json{{"far_m", session.setting->farDistance}, {"vertical_fov_rad", session.setting->verticalFov},
+                                        {"width", session.run.width}, {"height", session.run.height}, {"every", session.run.every}}
+                     .dump();
+    r.summary = "{}";
+    auto store = ResultsStore::open(options.results);
+    if (!store) return store.error();
+    return std::optional<Recording>(Recording{std::move(store.value()), std::move(r), {}});
+}
+
+Result<int64_t> record(Recording& recording) {
+    for (const lab::MethodRecord& method : recording.methods)
+        if (const auto added = recording.store.add(method); !added) return added.error();
+    return recording.store.commit(recording.run.ended());
 }
 
 Result<int> runLab(const LabOptions& options) {
@@ -59,9 +97,12 @@ Result<int> runLab(const LabOptions& options) {
         progress.emplace(name, std::cerr, stderrIsTerminal());
         return [&progress](size_t done, size_t total) { progress->at(done, total); };
     };
+    auto recording = openRecording(options, s);
+    if (!recording) return recording.error();
     bool headed = false;
     const auto show = [&](const lab::MethodRecord& method) {
         progress.reset();
+        if (recording.value()) recording.value()->methods.push_back(method);
         if (!std::exchange(headed, true)) std::printf("%s\n", lab::tableHead().c_str());
         std::printf("%s\n", lab::tableRow(method).c_str());
         std::fflush(stdout);
@@ -86,6 +127,8 @@ Result<int> runLab(const LabOptions& options) {
     const auto page = lab::judgeAll(*s.setting, files, s.poses, s.run, out, show, follow);
     progress.reset();
     if (!page) return page.error();
+    if (recording.value())
+        if (const auto kept = record(*recording.value()); !kept) return kept.error();
     std::printf("\n%s shows them.\n", page.value().c_str());
     return 0;
 }
@@ -118,6 +161,7 @@ Command addLabCommand(CLI::App& app) {
                        "or files NAME.toml; all by default");
     parser->add_option("--out", options->out, "folder for lab.html and lab.sqlite; NAME.lab by default. What is there already "
                                               "is not run again");
+    parser->add_option("--results", options->results, "add the run to this results file; gnomon report reads it");
     parser->add_flag("--occlusion", options->occlusion, "leave casters out of gnomon's maps as hidden, by 1 to 64 rays each and by proof, "
                                                         "and tell what that saves and breaks; without --methods no method is judged");
     // The suite needs no world, and takes of all options those of the device alone.

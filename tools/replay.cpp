@@ -57,6 +57,7 @@ world::Result<ReplayFrame> step(server::ShadowSystem& system, const ReplayInput&
     const world::Pose& pose = input.poses[index];
     ReplayFrame frame;
     frame.number = input.firstNumber + index;
+    frame.eye = pose.position;
     const bool dumped = dump && dump->wants(index);
     if (dumped) {
         if (const auto read = dump->before(system); !read) return read.error();
@@ -85,6 +86,7 @@ world::Result<ReplayFrame> step(server::ShadowSystem& system, const ReplayInput&
     if (!report) return report.error();
     frame.report = std::move(report.value());
     frame.redraw = system.redrawCosts();
+    if (input.dearest > 0) frame.dearest = system.dearestCasters(input.dearest);
 
     const bool verified = dumped || frame.number % input.verifyEvery == 0;
     if (verified) {

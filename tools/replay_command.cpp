@@ -15,12 +15,14 @@
 #include "tools/difference_text.h"
 #include "tools/dump.h"
 #include "tools/frames_csv.h"
+#include "tools/input_hash.h"
 #include "tools/method_file.h"
 #include "tools/options.h"
 #include "tools/output_folder.h"
 #include "tools/progress.h"
 #include "tools/replay_recording.h"
 #include "tools/replay.h"
+#include "tools/results_store.h"
 #include "tools/summary.h"
 #include "world/movers.h"
 #include "world/path.h"
@@ -54,6 +56,8 @@ struct ReplayOptions {
     std::string dump, out;  ///< empty: no pictures; NAME.replay
     std::string worlds;     ///< of a recording
     bool compare = false;
+    std::vector<uint64_t> dumpFrames;  ///< numbers; empty: 8, spread evenly
+    std::string results;               ///< a results file; empty: none
 };
 
 /// What drawing into cache maps may take in a frame of the live clock, unless another budget is given [ms]: half of
@@ -114,6 +118,7 @@ struct Run {
     std::unique_ptr<server::ShadowSystem> system;
     ReplayInput input;
     std::optional<MoverFeed> movers;
+    std::string moversHash;  ///< empty: none
     ReplayHead head;
 };
 
@@ -166,6 +171,7 @@ Result<Done> openSystem(const ReplayOptions& options, const server::ShadowConfig
         auto read = world::readMovers(options.movers);
         if (!read) return read.error();
         tracks = std::move(read.value());
+        run.moversHash = hexOf(hashMovers(tracks, 0));
     }
     auto device = gpu::Device::create(options.device);
     if (!device) return device.error();
@@ -195,12 +201,58 @@ Result<Done> describe(const ReplayOptions& options, const std::vector<culling::S
         .movers = nameOf(options.movers),
         .config = run.system->config(),
         .spots = spots,
+        .verticalFov = run.input.verticalFov,
+        .daySeconds = run.input.daySeconds,
         .texels = {},
         .splits = {},
         .device = run.device->name(),
         .driver = run.device->driver(),
         .threads = int(tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism))};
     return Done{};
+}
+
+/// Pictures of a replay: of the frames that were asked for. kUsage for one that is not played.
+Result<Dump> dumpOf(const ReplayOptions& options, const Run& run, const OutputFolder& folder) {
+    if (options.dumpFrames.empty()) return Dump(folder, run.input.poses.size());
+    std::vector<size_t> wanted;
+    for (const uint64_t frame : options.dumpFrames) {
+        const uint64_t first = run.input.firstNumber, end = first + run.input.poses.size();
+        if (frame < first || frame >= end)
+            return usage("--dump-frames " + std::to_string(frame) + ": the replay plays frames " + std::to_string(first) + " to " +
+                         std::to_string(end - 1) + "; give some of these");
+        wanted.push_back(frame - first);
+    }
+    return Dump(folder, std::move(wanted));
+}
+
+/// The run under way in a results file.
+struct Recording {
+    ResultsStore store;
+    RunRecord record;
+};
+
+/// None where no results were asked for.
+Result<std::optional<Recording>> openRecording(const ReplayOptions& options, Run& run) {
+    if (options.results.empty()) return std::optional<Recording>();
+    auto record = beginRecord("replay", *run.store, options.world, *run.device);
+    if (!record) return record.error();
+    record.value().path = run.head.path;
+    record.value().pathHash = hexOf(hashPoses(run.input.poses, 0));
+    record.value().movers = run.head.movers;
+    record.value().moversHash = run.moversHash;
+    auto store = ResultsStore::open(options.results);
+    if (!store) return store.error();
+    run.input.dearest = kDearest;
+    return std::optional<Recording>(Recording{std::move(store.value()), std::move(record.value())});
+}
+
+/// Adds the run to the results file. Its number there.
+Result<int64_t> record(Recording& recording, const Run& run, const Summary& summary, Dump* dump) {
+    if (dump)
+        for (const DumpedPicture& picture : dump->takeSmall())
+            if (const auto done = recording.store.add(picture); !done) return done.error();
+    endRecord(recording.record, run.head, summary);
+    return recording.store.commit(recording.record);
 }
 
 /// Plays the run and writes its results, all or none.
@@ -215,8 +267,12 @@ Result<Summary> play(const ReplayOptions& options, Run& run) {
         auto created = OutputFolder::create(options.dump);
         if (!created) return created.error();
         pictures.emplace(std::move(created.value()));
-        dump.emplace(*pictures, run.input.poses.size());
+        auto wanted = dumpOf(options, run, *pictures);
+        if (!wanted) return wanted.error();
+        dump.emplace(std::move(wanted.value()));
     }
+    auto recording = openRecording(options, run);
+    if (!recording) return recording.error();
     const std::vector<FrameColumn> columns = frameColumns();
     std::ofstream csv(results.value().pathFor("frames.csv"), std::ios::binary);
     csv << csvHeader(columns);
@@ -236,6 +292,8 @@ Result<Summary> play(const ReplayOptions& options, Run& run) {
                 for (const Error& error : frame.report.errors)
                     progress.say("frame " + std::to_string(frame.number) + ": " + error.what);
                 if (frame.verify && frame.verify->differing > 0) printDifferences(frame, progress);
+                if (recording.value())
+                    if (const auto kept = recording.value()->store.add(frame); !kept) return kept;
                 progress.at(size_t(summary.frames), run.input.poses.size());
                 return Done{};
             });
@@ -251,6 +309,11 @@ Result<Summary> play(const ReplayOptions& options, Run& run) {
     }
     if (const auto done = results.value().write("summary.json", toJson(run.head, summary)); !done)
         return done.error();
+    if (recording.value()) {
+        const auto number = record(*recording.value(), run, summary, dump ? &*dump : nullptr);
+        if (!number) return number.error();
+        std::cout << options.results << '#' << number.value() << " holds the run; gnomon report shows it\n";
+    }
     if (const auto done = results.value().commit(); !done) return done.error();
     if (pictures) {
         if (const auto done = pictures->commit(); !done) return done.error();
@@ -355,9 +418,11 @@ Command addReplayCommand(CLI::App& app) {
     parser->add_option("--frames", options->frames, "FIRST:END, frame numbers to play");
     parser->add_option("--fps", options->fps, "resample the path to this rate; its own times by default");
     parser->add_flag("--verify{1}", options->verify, "=N: redraw and compare every texel of every Nth frame");
-    parser->add_option("--dump", options->dump, "folder for pictures of 8 frames");
+    CLI::Option* dump = parser->add_option("--dump", options->dump, "folder for pictures of 8 frames");
+    parser->add_option("--dump-frames", options->dumpFrames, "N,N,...: pictures of these frames instead")->delimiter(',')->needs(dump);
     parser->add_option("--out", options->out,
                        "folder for frames.csv and summary.json; NAME.replay by default");
+    parser->add_option("--results", options->results, "add the run to this results file; gnomon report reads it");
     addSystemOptions(*parser, *options);
     return {parser, [options] { return runReplay(*options); }};
 }

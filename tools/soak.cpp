@@ -51,6 +51,8 @@ public:
         }
     }
 
+    const glm::dvec3& eye() const { return eye_; }
+
     world::Result<server::FrameReport> step(SoakReport& report) {
         if (left_ == 0) {
             startPhase(report);
@@ -264,7 +266,7 @@ void count(const server::FrameReport& frame, SoakReport& report) {
 }  // namespace
 
 world::Result<SoakReport> soak(server::ShadowSystem& system, const world::WorldStore& store, const SoakConfig& config,
-                               const std::function<void(uint64_t)>& onFrame) {
+                               const SoakFrame& onFrame) {
     CHECK(config.verifyEvery > 0);
     Life life(system, store, config);
     SoakReport report;
@@ -297,7 +299,7 @@ world::Result<SoakReport> soak(server::ShadowSystem& system, const world::WorldS
                 return report;
             }
         }
-        onFrame(report.frames);
+        if (const auto seen = onFrame(frame.value(), life.eye()); !seen) return seen.error();
     }
     report.firstHalfBytes = uint64_t(median(memory[0]));
     report.lastHalfBytes = uint64_t(median(memory[1]));

@@ -41,8 +41,9 @@ struct SoakReport {
 /// removes objects; now and then limits the budget, looks into the sky, changes the maps' settings or a spot
 /// light, digs or fills; compares all maps every `verifyEvery` frames and ends at the first difference. Errors of the system pass through with the
 /// frame's number; errors of items are errors here, since no item is bad.
-///   onFrame  called after each frame: frames done
+///   onFrame  called after each frame, with where the camera is [m]; can end the life with an error
+using SoakFrame = std::function<world::Result<world::Done>(const server::FrameReport&, const glm::dvec3& eye)>;
 world::Result<SoakReport> soak(server::ShadowSystem& system, const world::WorldStore& store, const SoakConfig& config,
-                               const std::function<void(uint64_t)>& onFrame);
+                               const SoakFrame& onFrame);
 
 }  // namespace tools

@@ -3,17 +3,21 @@
 #include <cstdio>
 #include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 
 #include "tools/difference_text.h"
+#include "tools/input_hash.h"
 #include "tools/progress.h"
+#include "tools/results_store.h"
 #include "tools/soak.h"
 
 namespace tools {
 namespace {
 
 struct SoakOptions {
-    std::string world;
+    std::string world, results;  ///< results: a file; empty: none
     SoakConfig soak;
     server::ShadowConfig shadow;
     gpu::DeviceConfig device;
@@ -40,6 +44,33 @@ void print(const SoakReport& r) {
     std::printf("plans      %016llx\n", n(r.planHash));
 }
 
+/// All of a report but what is measured, which comes last.
+std::string summaryOf(const SoakReport& r) {
+    return nlohmann::ordered_json{{"frames", r.frames}, {"spawns", r.spawns}, {"removals", r.removals}, {"moves", r.moves},
+                                  {"jumps", r.jumps}, {"reconfigurations", r.reconfigurations}, {"light_changes", r.lightChanges},
+                                  {"edits", r.edits}, {"chunk_arrivals", r.chunkArrivals}, {"chunk_departures", r.chunkDepartures},
+                                  {"sun_steps", r.sunSteps}, {"sun_redraws", r.sunRedraws}, {"limited_frames", r.limitedFrames},
+                                  {"sleepers", r.sleepers}, {"unknown_texels", r.unknownTexels},
+                                  {"verified", {{"frames", r.verified}, {"texels", r.texels}, {"skipped_texels", r.stale},
+                                                {"differing_texels", r.differing}}},
+                                  {"plan_hash", hexOf(r.planHash)},
+                                  {"memory", {{"first_half_bytes", r.firstHalfBytes}, {"last_half_bytes", r.lastHalfBytes},
+                                              {"most_bytes", r.mostBytes}, {"first_half_content_bytes", r.firstHalfContent},
+                                              {"last_half_content_bytes", r.lastHalfContent}}}}
+        .dump();
+}
+
+/// A frame of a soak as results keep it: a soak compares maps without timing their redraw.
+ReplayFrame frameOf(const server::ShadowSystem& system, const server::FrameReport& report, const glm::dvec3& eye, uint64_t number) {
+    ReplayFrame frame;
+    frame.number = number;
+    frame.eye = eye;
+    frame.report = report;
+    frame.redraw = system.redrawCosts();
+    frame.dearest = system.dearestCasters(kDearest);
+    return frame;
+}
+
 world::Result<int> runSoak(const SoakOptions& options) {
     if (options.soak.verifyEvery == 0 || options.soak.frames == 0)
         return world::Error{world::ErrorCode::kUsage, "--frames and --verify: give whole numbers of 1 or more"};
@@ -49,13 +80,39 @@ world::Result<int> runSoak(const SoakOptions& options) {
     if (!device) return device.error();
     auto system = server::ShadowSystem::create(*device.value(), store.value(), options.shadow);
     if (!system) return system.error();
+    std::optional<ResultsStore> kept;
+    RunRecord run;
+    if (!options.results.empty()) {
+        auto begun = beginRecord("soak", store.value(), options.world, *device.value());
+        if (!begun) return begun.error();
+        run = std::move(begun.value());
+        auto opened = ResultsStore::open(options.results);
+        if (!opened) return opened.error();
+        kept.emplace(std::move(opened.value()));
+    }
     world::Result<SoakReport> report = SoakReport{};
+    uint64_t frames = 0;
     {
         Progress progress("soak", std::cerr, stderrIsTerminal());
         report = soak(*system.value(), store.value(), options.soak,
-                      [&](uint64_t frames) { progress.at(size_t(frames), size_t(options.soak.frames)); });
+                      [&](const server::FrameReport& frame, const glm::dvec3& eye) -> world::Result<world::Done> {
+                          if (kept)
+                              if (const auto added = kept->add(frameOf(*system.value(), frame, eye, frames)); !added) return added;
+                          progress.at(size_t(++frames), size_t(options.soak.frames));
+                          return world::Done{};
+                      });
     }
     if (!report) return report.error();
+    if (kept) {
+        ReplayHead head;
+        head.config = options.shadow;
+        run.settings = settingsJson(head);
+        run.name = "seed " + std::to_string(options.soak.seed) + ", at most " + std::to_string(options.soak.objects) + " objects";
+        run.verdict = report.value().differing == 0 ? "pass" : "maps differ from their redraw";
+        run.frames = report.value().frames;
+        run.summary = summaryOf(report.value());
+        if (const auto number = kept->commit(run.ended()); !number) return number.error();
+    }
     print(report.value());
     for (const server::Difference& d : report.value().first) std::cout << toText(d) << '\n';
     const std::vector<std::string> messages = device.value()->validationMessages();
@@ -85,6 +142,7 @@ Command addSoakCommand(CLI::App& app) {
     parser->add_option("--resolution", options->shadow.side, "texels a side of each map, 64 to 8192");
     parser->add_option("--far", options->shadow.farDistance, "how far from the eye shadows reach [m]");
     parser->add_option("--guard-band", options->shadow.guardBand, "windows move in steps of this many texels");
+    parser->add_option("--results", options->results, "add the life to this results file; gnomon report reads it");
     parser->add_option("--device", options->device.nameContains, "use the first device whose name contains this");
     parser->add_flag("--validation", options->device.validation, "Vulkan's core and synchronization validation");
     return {parser, [options] { return runSoak(*options); }};

@@ -142,6 +142,7 @@ Result<StressResult> runStress(gpu::Device& device, const world::WorldStore& sto
     input.verifyEvery = c.poses.size();
     input.live = config.streaming.clock == world::Clock::kLive;
     input.foresight = c.foresight;
+    input.dearest = c.dearest;
     std::vector<server::Camera> others;
     auto edit = c.edits.begin();
     const auto done = replay(*system.value(), input, nullptr, nullptr, [&](const ReplayFrame& frame) -> Result<Done> {
@@ -170,6 +171,11 @@ Result<StressResult> runStress(gpu::Device& device, const world::WorldStore& sto
         return onFrame(frame);
     });
     if (!done) return named(done.error());
+    r.config = system.value()->config();
+    for (int cascade = 0; cascade < system.value()->cascades(); ++cascade) {
+        r.texels.push_back(system.value()->view(cascade).texel);
+        r.splits.push_back(system.value()->view(cascade).split);
+    }
     judge(c, need, r);
     return r;
 }

@@ -35,6 +35,8 @@ struct StressResult {
     uint64_t worstHoles = 0;       ///< of a frame
     uint64_t restingHoles = 0;     ///< differ after the rest
     uint64_t memoryBudget = 0, geometryBudget = 0;  ///< bytes
+    server::ShadowConfig config;        ///< as the system took it
+    std::vector<double> texels, splits; ///< per cascade [m]
     std::vector<std::string> failures;  ///< promises that were not kept; empty: passed
 };
 

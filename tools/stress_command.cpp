@@ -7,11 +7,14 @@
 #include <fstream>
 #include <iostream>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "tools/frames_csv.h"
+#include "tools/input_hash.h"
 #include "tools/output_folder.h"
 #include "tools/progress.h"
+#include "tools/results_store.h"
 #include "tools/stress.h"
 
 namespace tools {
@@ -26,6 +29,7 @@ struct StressOptions {
     std::string world, path, out, clock = "virtual";
     std::vector<std::string> cases;  ///< empty: all
     uint64_t compareEvery = 10;
+    std::string results;     ///< a results file; empty: none
     bool prefetch = false, list = false;
     StressPlan plan;
     gpu::DeviceConfig device;
@@ -50,7 +54,7 @@ Result<std::vector<StressCase>> chosen(const StressOptions& options, const world
 
 /// The case's frames.csv, beside its result.
 Result<StressResult> play(gpu::Device& device, const world::WorldStore& store, const StressCase& c,
-                          const StressNeed& need, uint64_t compareEvery, const OutputFolder& folder) {
+                          const StressNeed& need, uint64_t compareEvery, const OutputFolder& folder, ResultsStore* kept) {
     const std::vector<FrameColumn> columns = frameColumns();
     const std::string path = folder.pathFor(c.name + ".frames.csv");
     std::ofstream csv(path, std::ios::binary);
@@ -58,12 +62,38 @@ Result<StressResult> play(gpu::Device& device, const world::WorldStore& store, c
     Progress progress("stress " + c.name, std::cerr, stderrIsTerminal());
     auto result = runStress(device, store, c, need, compareEvery, [&](const ReplayFrame& frame) -> Result<Done> {
         csv << csvRows(columns, frame);
+        if (kept)
+            if (const auto added = kept->add(frame); !added) return added;
         progress.at(size_t(frame.number) + 1, c.poses.size());
         return Done{};
     });
     csv.close();
     if (result && !csv) return Error{ErrorCode::kIo, path + ": cannot be written; make room or give another --out"};
     return result;
+}
+
+/// Adds a case to the results file, as a run of its own.
+Result<Done> record(ResultsStore& kept, RunRecord run, const StressCase& c, const StressResult& result) {
+    run.name = c.name;
+    uint64_t poses = hashPoses(c.poses, 0);
+    for (const auto& other : c.others) poses = hashPoses(other, poses);
+    run.pathHash = hexOf(poses);
+    run.verdict = result.failures.empty() ? "pass" : "";
+    for (const std::string& failure : result.failures) run.verdict += (run.verdict.empty() ? "" : "; ") + failure;
+    ReplayHead head;
+    head.world = run.world;
+    head.worldHash = run.worldHash;
+    head.source = run.source;
+    head.config = result.config;
+    head.texels = result.texels;
+    head.splits = result.splits;
+    head.device = run.device;
+    head.driver = run.driver;
+    head.threads = run.threads;
+    endRecord(run, head, result.summary);
+    const auto number = kept.commit(run);
+    if (!number) return number.error();
+    return Done{};
 }
 
 Result<int> runStressCommand(StressOptions options) {
@@ -80,7 +110,7 @@ Result<int> runStressCommand(StressOptions options) {
     options.plan.config.streaming.clock = options.clock == "live" ? world::Clock::kLive : world::Clock::kVirtual;
     if (options.plan.config.sun == glm::dvec3(0) && store.value().header().sun == glm::dvec3(0))
         options.plan.config.sun = glm::dvec3(0.5, -1, 0.3);
-    const auto cases = chosen(options, store.value());
+    auto cases = chosen(options, store.value());
     if (!cases) return cases.error();
     if (options.list) {
         for (const StressCase& c : cases.value()) std::printf("%-20s %s\n", c.name.c_str(), c.what.c_str());
@@ -92,17 +122,32 @@ Result<int> runStressCommand(StressOptions options) {
         options.out.empty() ? std::filesystem::path(options.world).stem().string() + ".stress" : options.out;
     auto results = OutputFolder::create(folder);
     if (!results) return results.error();
+    std::optional<ResultsStore> kept;
+    if (!options.results.empty()) {
+        auto opened = ResultsStore::open(options.results);
+        if (!opened) return opened.error();
+        kept.emplace(std::move(opened.value()));
+    }
 
     std::vector<StressResult> done;
-    for (const StressCase& c : cases.value()) {
+    for (StressCase& c : cases.value()) {
+        RunRecord run;
+        if (kept) {
+            c.dearest = kDearest;
+            auto begun = beginRecord("stress", store.value(), options.world, *device.value());
+            if (!begun) return begun.error();
+            run = std::move(begun.value());
+        }
         StressNeed need;
         if (c.needs()) {
             const auto measured = measureNeed(*device.value(), store.value(), c);
             if (!measured) return measured.error();
             need = measured.value();
         }
-        auto result = play(*device.value(), store.value(), c, need, options.compareEvery, results.value());
+        auto result = play(*device.value(), store.value(), c, need, options.compareEvery, results.value(), kept ? &*kept : nullptr);
         if (!result) return result.error();
+        if (kept)
+            if (const auto added = record(*kept, run, c, result.value()); !added) return added.error();
         done.push_back(std::move(result.value()));
     }
     const std::string name = std::filesystem::path(options.world).filename().string();
@@ -143,6 +188,7 @@ Command addStressCommand(CLI::App& app) {
     parser->add_option("--resolution", shadow.side, "texels a side of each map, 64 to 8192");
     parser->add_option("--far", shadow.farDistance, "how far from the eye shadows reach [m]");
     parser->add_option("--out", options->out, "folder for stress.json and each case's frames.csv; NAME.stress by default");
+    parser->add_option("--results", options->results, "add each case to this results file; gnomon report reads it");
     parser->add_option("--device", options->device.nameContains, "use the first device whose name contains this");
     parser->add_flag("--validation", options->device.validation, "Vulkan's core and synchronization validation");
     return {parser, [options] { return runStressCommand(*options); }};

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "tools/input_hash.h"
 #include "world/hash.h"
 
 namespace tools {
@@ -50,12 +51,6 @@ void addSpot(SpotSummary& sum, const cache::SpotStatistics& cost) {
     sum.activeFrames += cost.active.texels > 0 ? 1 : 0;
 }
 
-std::string hex(uint64_t hash) {
-    char text[20];
-    std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(hash));
-    return text;
-}
-
 Json json(const cache::Cost& cost) {
     return {{"texels", cost.texels},
             {"casters", cost.casters},
@@ -71,6 +66,10 @@ Json json(const TimePair& times) {
 
 /// null: none.
 Json limit(uint64_t value) { return value == cache::Limits::kNone ? Json() : Json(value); }
+
+const char* clockName(world::Clock clock) {
+    return clock == world::Clock::kLive ? "live" : clock == world::Clock::kVirtual ? "virtual" : "lockstep";
+}
 
 Json configJson(const ReplayHead& head) {
     const server::ShadowConfig& config = head.config;
@@ -89,7 +88,18 @@ Json configJson(const ReplayHead& head) {
             {"sun", {config.sun.x, config.sun.y, config.sun.z}},
             {"occlusion", config.occlusion ? "exact" : "off"},
             {"rays_per_cluster", config.raysPerCluster},
-            {"rest_seconds", config.restSeconds}};
+            {"rest_seconds", config.restSeconds},
+            {"sun_step_rad", config.sunMotion.step},
+            {"day_s", head.daySeconds},
+            {"vertical_fov_rad", head.verticalFov},
+            {"cameras", config.cameras},
+            {"clock", clockName(config.streaming.clock)},
+            {"prefetch", config.streaming.prefetch},
+            {"disk_seed", config.streaming.disk.seed},
+            {"disk_latency_s", config.streaming.disk.latency},
+            {"disk_bandwidth_bytes_per_s", config.streaming.disk.bandwidth},
+            {"memory_budget_bytes", config.residentBytes},
+            {"gpu_budget_bytes", config.geometryBytes}};
 }
 
 Json cascadeJson(const ReplayHead& head, const Summary& summary, size_t c) {
@@ -116,8 +126,8 @@ Json cascadeJson(const ReplayHead& head, const Summary& summary, size_t c) {
                     {"most_stale_texels", sum.mostStale},
                     {"oldest_debt_frames", sum.oldestDebt}};
     if (!summary.lastHashes.empty()) {
-        cascade["last_cache_hash"] = hex(summary.lastHashes[c].cache);
-        cascade["last_working_hash"] = hex(summary.lastHashes[c].working);
+        cascade["last_cache_hash"] = hexOf(summary.lastHashes[c].cache);
+        cascade["last_working_hash"] = hexOf(summary.lastHashes[c].working);
     }
     return cascade;
 }
@@ -245,6 +255,16 @@ OcclusionValue occlusionValue(const Summary& summary) {
     return value;
 }
 
+std::string settingsJson(const ReplayHead& head) {
+    Json settings = configJson(head);
+    Json spots = Json::array();
+    for (const culling::SpotLight& light : head.spots)
+        spots.push_back({light.position.x, light.position.y, light.position.z, light.direction.x, light.direction.y,
+                         light.direction.z, light.halfAngle, light.range});
+    if (!spots.empty()) settings["spots"] = spots;
+    return settings.dump();
+}
+
 std::string toJson(const ReplayHead& head, const Summary& summary) {
     const OcclusionValue occlusion = occlusionValue(summary);
     Json cascades = Json::array();
@@ -291,7 +311,7 @@ std::string toJson(const ReplayHead& head, const Summary& summary) {
           {"clusters_found", occlusion.found},
           {"clusters_hidden", occlusion.hidden},
           {"triangles_hidden", occlusion.trianglesHidden}}},
-        {"plan_hash", hex(summary.planHash)},
+        {"plan_hash", hexOf(summary.planHash)},
         {"cascades", cascades},
         {"spots", spots},
         {"times", timesJson(summary)},

@@ -16,6 +16,7 @@ struct ReplayHead {
     std::string path, movers;              ///< file names without folders; movers may be empty
     server::ShadowConfig config;
     std::vector<culling::SpotLight> spots;
+    double verticalFov = 0, daySeconds = 0;  ///< as ReplayInput
     std::vector<double> texels, splits;  ///< per cascade [m]
     std::string device, driver;
     int threads = 0;
@@ -88,6 +89,9 @@ struct OcclusionValue {
     double msSaved = 0;              ///< estimated and noisy
 };
 OcclusionValue occlusionValue(const Summary& summary);
+
+/// What the maps were like and how chunks came, as the member "settings" of summary.json has it, in one line.
+std::string settingsJson(const ReplayHead& head);
 
 /// summary.json. Everything but the members "times" and "machine" is deterministic.
 std::string toJson(const ReplayHead& head, const Summary& summary);

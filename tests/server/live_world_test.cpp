@@ -39,7 +39,7 @@ std::unique_ptr<ShadowSystem> make(const ShadowConfig& config) {
 
 tools::SoakReport live(const ShadowConfig& config, uint64_t frames, uint32_t seed) {
     const auto system = make(config);
-    auto report = tools::soak(*system, streetsWorld(), {frames, 9, seed, 40}, [](uint64_t) {});
+    auto report = tools::soak(*system, streetsWorld(), {frames, 9, seed, 40}, [](const auto&, const auto&) { return world::Done{}; });
     if (!report) throw std::runtime_error(report.error().what);
     return report.value();
 }

@@ -75,6 +75,40 @@ private:
     int frame_ = 0;
 };
 
+TEST(ShadowSystem, ItsCastersCostWhatItsFramesCost) {
+    ShadowConfig config = small();
+    config.budget.triangles = 400;  // work is tried and taken back
+    const auto system = make(nearWorld(), config);
+    Walk walk(*system, glm::dvec3(0));
+    uint64_t triangles = 0, limited = 0;
+    for (int frame = 0; frame < 120; ++frame) {
+        const FrameReport report = walk.step();
+        ASSERT_EQ(system->plan().casters.size(), system->plan().transforms.size());
+        cache::Cost all;
+        for (const cache::CascadeStatistics& c : report.cascades) {
+            all += c.total;
+            limited += c.unknownTexels + c.staleTexels > 0;
+        }
+        triangles += all.triangles;
+        const auto casters = system->dearestCasters(1000);
+        cache::Cost sum;
+        for (size_t k = 0; k < casters.size(); ++k) {
+            sum.triangles += casters[k].triangles;
+            sum.draws += casters[k].draws;
+            EXPECT_FALSE(casters[k].name.empty());
+            if (k > 0) {
+                EXPECT_LE(casters[k].triangles, casters[k - 1].triangles);
+                EXPECT_NE(casters[k].name, casters[k - 1].name);
+            }
+        }
+        ASSERT_EQ(sum.triangles, all.triangles) << "frame " << frame;
+        ASSERT_EQ(sum.draws, all.draws) << "frame " << frame;
+        EXPECT_EQ(system->dearestCasters(1).size(), std::min<size_t>(casters.size(), 1));
+    }
+    EXPECT_GT(triangles, 10000u);
+    EXPECT_GT(limited, 10u);
+}
+
 TEST(ShadowSystem, EveryFrameEqualsARedrawFromScratch) {
     const glm::dvec3 far(1e6, 0, -6.1e6);
     const world::WorldStore distant = tests::baked(tests::streets(far), "far.world");

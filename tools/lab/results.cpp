@@ -7,6 +7,7 @@
 #include <system_error>
 #include <utility>
 
+#include "tools/database_row.h"
 #include "tools/lab/page.h"
 #include "tools/output_folder.h"
 
@@ -46,30 +47,6 @@ constexpr const char* kOcclusionTable =
 constexpr const char* kClaimTable =
     "CREATE TABLE IF NOT EXISTS claim(run INTEGER, number INTEGER, situation TEXT, what TEXT, method TEXT, measure TEXT, "
     "why TEXT, verdict TEXT, value REAL, threshold REAL, fails INTEGER, wrong INTEGER, PRIMARY KEY(run, number)) WITHOUT ROWID";
-
-/// Parameters or columns of a statement, one after the other.
-class Row {
-public:
-    explicit Row(Statement& statement) : statement_(statement) {}
-    void put(uint64_t value) { statement_.bind(at_++, static_cast<int64_t>(value)); }
-    void put(int value) { statement_.bind(at_++, int64_t{value}); }
-    void put(bool value) { statement_.bind(at_++, int64_t{value}); }
-    void put(double value) { statement_.bindReal(at_++, value); }
-    void put(const std::string& text) { statement_.bindText(at_++, text); }
-    void put(const std::vector<std::byte>& bytes) { statement_.bind(at_++, std::span<const std::byte>(bytes)); }
-    void take(uint64_t& value) { value = static_cast<uint64_t>(statement_.integer(at_++)); }
-    void take(bool& value) { value = statement_.integer(at_++) != 0; }
-    void take(double& value) { value = statement_.real(at_++); }
-    void take(std::string& text) { text = statement_.text(at_++); }
-    void take(std::vector<std::byte>& bytes) {
-        const auto span = statement_.bytes(at_++);
-        bytes.assign(span.begin(), span.end());
-    }
-
-private:
-    Statement& statement_;
-    int at_ = 0;
-};
 
 /// The columns of `method` from `name` on but for `settings`, in their order, written and read by the same list.
 template <class Record, class Visit>
@@ -166,21 +143,6 @@ Error told(Error error, const std::string& folder) {
     return error.code == ErrorCode::kBadData ? foreign(fileIn(folder)) : error;
 }
 
-/// Runs a statement that gives no rows, and makes it ready to be run again.
-Result<Done> step(Result<Statement>& statement) {
-    if (const auto done = statement.value().step(); !done) return done.error();
-    statement.value().reset();
-    return Done{};
-}
-
-Result<int64_t> number(world::Database& database, const char* sql) {
-    auto statement = database.prepare(sql);
-    if (!statement) return statement.error();
-    const auto row = statement.value().step();
-    if (!row) return row.error();
-    return row.value() ? statement.value().integer(0) : 0;
-}
-
 Result<std::vector<FrameRecord>> framesOf(world::Database& database, uint64_t method) {
     auto statement = database.prepare(
         "SELECT frame, triangles, ms, pixels, false_lit, false_shadow, points, flips FROM frame WHERE method = ? "
@@ -228,7 +190,7 @@ Result<Done> Results::connect() {
     database.waitAtMost(world::kPatienceMs);
     // Locked before it is looked at: two processes may find it empty.
     if (const auto done = database.run("BEGIN IMMEDIATE"); !done) return told(done.error(), folder_);
-    const auto id = number(database, "PRAGMA application_id"), version = number(database, "PRAGMA user_version");
+    const auto id = numberFrom(database, "PRAGMA application_id"), version = numberFrom(database, "PRAGMA user_version");
     const auto tables = database.schema();
     for (const auto* failed : {&id, &version})
         if (!*failed) return told(failed->error(), folder_);
@@ -333,7 +295,7 @@ Result<Done> Results::write(const RunRecord& run) {
     row.put(run.device);
     row.put(run.driver);
     row.put(run.threads);
-    return step(ofRun);
+    return runOnce(ofRun.value());
 }
 
 Result<Done> Results::write(const RunRecord& run, uint64_t method, const MethodRecord& record) {
@@ -354,9 +316,9 @@ Result<Done> Results::write(const RunRecord& run, uint64_t method, const MethodR
         row.put(settings);
         eachColumn(record, [&](const auto& value) { row.put(value); });
     }
-    if (const auto done = step(ofMethod); !done) return done;
+    if (const auto done = runOnce(ofMethod.value()); !done) return done;
     cleared.value().bind(0, static_cast<int64_t>(method));
-    if (const auto done = step(cleared); !done) return done;
+    if (const auto done = runOnce(cleared.value()); !done) return done;
     for (const FrameRecord& frame : record.series) {
         Result<Statement>& statement = frame.judged ? judged : drawn;
         Row row(statement.value());
@@ -366,7 +328,7 @@ Result<Done> Results::write(const RunRecord& run, uint64_t method, const MethodR
             for (const uint64_t value : {frame.judged->pixels, frame.judged->falseLit, frame.judged->falseShadow,
                                          frame.judged->points, frame.judged->flips})
                 row.put(value);
-        if (const auto done = step(statement); !done) return done;
+        if (const auto done = runOnce(statement.value()); !done) return done;
     }
     return Done{};
 }
@@ -402,13 +364,13 @@ Result<Done> Results::replaceAll(const char* clear, const char* add, const RunRe
             if (!*statement) return statement->error();
         if (const auto done = write(run); !done) return done;
         cleared.value().bind(0, static_cast<int64_t>(run.key));
-        if (const auto done = step(cleared); !done) return done;
+        if (const auto done = runOnce(cleared.value()); !done) return done;
         for (size_t number = 0; number < records.size(); ++number) {
             Row row(added.value());
             row.put(run.key);
             row.put(uint64_t(number));
             each(records[number], [&](const auto& value) { row.put(value); });
-            if (const auto done = step(added); !done) return done;
+            if (const auto done = runOnce(added.value()); !done) return done;
         }
         return Done{};
     });

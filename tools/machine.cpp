@@ -1,0 +1,15 @@
+#include "tools/machine.h"
+
+#include <algorithm>
+#include <fstream>
+
+namespace tools {
+
+std::string processor() {
+    std::ifstream info("/proc/cpuinfo");
+    for (std::string line; std::getline(info, line);)
+        if (line.starts_with("model name")) return line.substr(std::min(line.size(), line.find(':') + 2));
+    return "unknown processor";
+}
+
+}  // namespace tools
