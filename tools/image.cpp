@@ -42,6 +42,21 @@ world::Result<std::vector<std::byte>> pngOf(const RgbImage& image) {
     return bytes;
 }
 
+world::Result<RgbImage> imageOf(std::span<const std::byte> png) {
+    constexpr png_uint_32 kLargest = 1 << 14;  // a head that lies must not ask for all memory
+    png_image head = headOf(PNG_FORMAT_RGB, 0, 0);
+    RgbImage image;
+    if (png_image_begin_read_from_memory(&head, png.data(), png.size()) && head.width <= kLargest && head.height <= kLargest) {
+        head.format = PNG_FORMAT_RGB;
+        image.width = int(head.width);
+        image.height = int(head.height);
+        image.pixels.resize(PNG_IMAGE_SIZE(head));
+        if (png_image_finish_read(&head, nullptr, image.pixels.data(), 0, nullptr)) return image;
+    }
+    png_image_free(&head);
+    return Error{ErrorCode::kBadData, "a picture is no PNG, or damaged"};
+}
+
 world::Result<world::Done> writePng(const RgbImage& image, const std::string& path) {
     return writeImage(PNG_FORMAT_RGB, image.width, image.height, image.pixels.data(), path);
 }

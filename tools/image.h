@@ -18,6 +18,8 @@ struct RgbImage {
 
 /// The bytes of a PNG file. The same for the same image. kLimit for one that libpng refuses.
 world::Result<std::vector<std::byte>> pngOf(const RgbImage& image);
+/// The image of such bytes. kBadData for what is no PNG.
+world::Result<RgbImage> imageOf(std::span<const std::byte> png);
 /// kIo names the file.
 world::Result<world::Done> writePng(const RgbImage& image, const std::string& path);
 /// 16 bits a pixel, round(depth * 65535): absolute, unlike the pictures. `depths` has side * side values.

@@ -10,6 +10,7 @@
 #include "tools/lab_command.h"
 #include "tools/options.h"
 #include "tools/replay_command.h"
+#include "tools/report_command.h"
 #include "tools/serve_command.h"
 #include "tools/soak_command.h"
 #include "tools/stress_command.h"
@@ -35,7 +36,7 @@ int main(int argc, char** argv) {
                                        tools::addReplayCommand(app), tools::addSoakCommand(app),
                                        tools::addStressCommand(app), tools::addEditCommand(app),
                                        tools::addLabCommand(app), tools::addTuneCommand(app),
-                                       tools::addServeCommand(app)};
+                                       tools::addReportCommand(app), tools::addServeCommand(app)};
     try {
         app.parse(argc, argv);
     } catch (const CLI::ParseError& error) {

@@ -1,33 +1,16 @@
 #include "tools/lab/page.h"
 
 #include <nlohmann/json.hpp>
-#include <string_view>
 
 #include "tools/lab/embedded/chart.h"
 #include "tools/lab/embedded/chart_licence.h"
 #include "tools/lab/embedded/page.h"
-#include "world/check.h"
+#include "tools/page_text.h"
 
 namespace tools::lab {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-template <size_t N>
-std::string_view view(const unsigned char (&bytes)[N]) {
-    return {reinterpret_cast<const char*>(bytes), N};
-}
-
-std::string base64(std::span<const std::byte> bytes) {
-    constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    std::string text;
-    for (size_t k = 0; k < bytes.size(); k += 3) {
-        uint32_t group = 0;
-        for (size_t j = 0; j < 3; ++j) group = group << 8 | (k + j < bytes.size() ? uint32_t(bytes[k + j]) : 0);
-        for (size_t j = 0; j < 4; ++j) text += k + j > bytes.size() ? '=' : kDigits[group >> (18 - 6 * j) & 63];
-    }
-    return text;
-}
 
 Json jsonOf(const RunRecord& run) {
     return {{"world", run.world}, {"path", run.path}, {"movers", run.movers}, {"frames", run.frames},
@@ -68,23 +51,6 @@ Json jsonOf(const ClaimRecord& r) {
             {"verdict", r.verdict}, {"value", r.value}, {"limit", r.limit}, {"fails", r.fails}, {"wrong", r.wrong}};
 }
 
-/// JSON that may stand in a script element: no text in it can end the element, or open a comment.
-std::string embeddable(const Json& json) {
-    std::string text = json.dump(-1, ' ', false, Json::error_handler_t::replace), out;
-    for (const char c : text) {
-        if (c == '<') out += "\\u003c";
-        else out += c;
-    }
-    return out;
-}
-
-/// Puts `value` where the page says `mark`, which it does once.
-void put(std::string& page, std::string_view mark, std::string_view value) {
-    const size_t at = page.find(mark);
-    CHECK(at != std::string::npos);
-    page.replace(at, mark.size(), value);
-}
-
 }  // namespace
 
 std::string labPage(const RunRecord& run, std::span<const MethodRecord> methods,
@@ -93,10 +59,10 @@ std::string labPage(const RunRecord& run, std::span<const MethodRecord> methods,
     for (const MethodRecord& method : methods) data["methods"].push_back(jsonOf(method));
     for (const OcclusionRecord& way : occlusion) data["occlusion"].push_back(jsonOf(way, occlusion.front()));
     for (const ClaimRecord& claim : claims) data["claims"].push_back(jsonOf(claim));
-    std::string page(view(kPage));
+    std::string page(viewOf(kPage));
     // The data last: what it says is not looked through for marks.
-    put(page, "@LICENCE@", view(kChartLicence));
-    put(page, "@CHART@", view(kChart));
+    put(page, "@LICENCE@", viewOf(kChartLicence));
+    put(page, "@CHART@", viewOf(kChart));
     put(page, "@DATA@", embeddable(data));
     return page;
 }
