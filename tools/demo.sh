@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds Gnomon, bakes the built-in world once and replays its path: every 25th frame is verified texel by
-# texel, pictures and statistics land in out/demo.
+# texel; pictures, statistics and a report land in out/demo.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -17,10 +17,14 @@ for file in out/demo.world out/demo.tum out/demo.movers.csv; do
     }
 done
 "$gnomon" replay out/demo.world --path out/demo.tum --movers out/demo.movers.csv \
-    --verify=25 --dump out/demo/pictures --out out/demo
+    --verify=25 --dump out/demo/pictures --out out/demo --results out/demo.results.sqlite
+"$gnomon" report out/demo.results.sqlite -o out/demo/report.html >/dev/null
 
 echo
 echo "out/demo.world          the baked world, kept for the next run"
 echo "out/demo/frames.csv     one row per frame and cascade (docs/columns.md)"
 echo "out/demo/summary.json   the table above, for programs"
+echo "out/demo.results.sqlite each run of this demo (docs/results.md)"
 echo "out/demo/pictures       8 frames: whole redraw, what the scroll kept, what was newly drawn; depth"
+echo
+echo "Open out/demo/report.html in a browser: where shadows cost what, and why (docs/reports.md)"
