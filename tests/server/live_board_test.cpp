@@ -82,9 +82,10 @@ TEST(LiveBoard, TellsEachFrameOnceAndAddsUp) {
 }
 
 /// The rectangles that are told are those that the frame drew: as much area for each cause as it counted.
-TEST(LiveBoard, MarksWhatWasDrawnByCause) {
-    const auto store = tests::baked(tests::streets({0, 0, 0}), "marks.world");
-    const auto system = systemOn(store);
+void expectMarksAddUp(const world::WorldStore& store, uint64_t budget) {
+    ShadowConfig config = small();
+    config.budget.texels = budget;
+    const auto system = systemOn(store, config);
     const auto box = system->adopt("box (0,0,0) 1");
     ASSERT_TRUE(box);
     LiveBoard board;
@@ -110,6 +111,14 @@ TEST(LiveBoard, MarksWhatWasDrawnByCause) {
         if (i == 20) {
             EXPECT_GT(marked[size_t(cache::Cause::kDeparture)], 0u);
         }
+    }
+}
+
+TEST(LiveBoard, MarksWhatWasDrawnByCause) {
+    const auto store = tests::baked(tests::streets({0, 0, 0}), "marks.world");
+    for (const uint64_t budget : {cache::Limits::kNone, uint64_t{20000}}) {
+        SCOPED_TRACE(budget);
+        expectMarksAddUp(store, budget);
     }
     tests::expectSilence();
 }
@@ -207,7 +216,7 @@ TEST(LiveBoard, SessionsAndWatchersComeAndGo) {
     ASSERT_TRUE(report);
     constexpr int kWriters = 4, kLives = 25, kFrames = 40;
     std::atomic<bool> stop = false;
-    std::atomic<uint64_t> told = 0;
+    std::atomic<uint64_t> told = 0, lived = 0;
     std::vector<std::thread> watchers, writers;
     for (int w = 0; w < 3; ++w)
         watchers.emplace_back([&] {
@@ -222,7 +231,8 @@ TEST(LiveBoard, SessionsAndWatchersComeAndGo) {
     std::mutex one;
     for (int w = 0; w < kWriters; ++w)
         writers.emplace_back([&] {
-            for (int life = 0; life < kLives; ++life) {
+            for (int life = 0; life < kLives || told == 0; ++life) {  // until watchers had their turn
+                ++lived;
                 LiveSession live = board.open("crowd", "streets");
                 for (int i = 0; i < kFrames; ++i) {
                     const std::lock_guard lock(one);
@@ -234,11 +244,10 @@ TEST(LiveBoard, SessionsAndWatchersComeAndGo) {
     stop = true;
     for (std::thread& t : watchers) t.join();
     const server::LiveTotals totals = board.totals();
-    EXPECT_EQ(totals.frames, uint64_t(kWriters * kLives * kFrames));
-    EXPECT_EQ(totals.sessionsOpened, uint64_t(kWriters * kLives));
+    EXPECT_EQ(totals.frames, lived * kFrames);
+    EXPECT_EQ(totals.sessionsOpened, lived.load());
     EXPECT_EQ(totals.sessions, 0u);
     EXPECT_TRUE(board.sessions().empty());
-    EXPECT_GT(told, 0u);
 }
 
 /// Each family has its HELP and TYPE before its values, and names nothing twice.
