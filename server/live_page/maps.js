@@ -37,7 +37,7 @@ export class Maps {
         this.cascades = [];
         this.pictures = [];  // per cascade: {n, x, y, texels, near, far, canvas}
         this.asked = [];     // per cascade: a picture is on its way
-        this.marks = [];     // {cascade, cause, x, y, width, height, at}
+        this.marks = [];     // {cascade, cause, x, y, width, height, at [ms]}
         this.seen = new Map();  // cause -> rectangles so far
     }
 
@@ -47,8 +47,11 @@ export class Maps {
     take(news, at) {
         this.side = news.side;
         this.cascades = news.cascades;
-        for (const [, cascade, cause, x, y, width, height] of news.marks) {
-            this.marks.push({cascade, cause, x, y, width, height, at});
+        // Only where active casters are now: one frame's rectangles lie over those of the frame before.
+        const newest = news.frames.at(-1)?.n ?? 0;
+        if (newest > 0) this.marks = this.marks.filter((m) => m.cause !== kActive);
+        for (const [n, cascade, cause, x, y, width, height] of news.marks) {
+            if (cause !== kActive || n === newest) this.marks.push({cascade, cause, x, y, width, height, at});
             this.seen.set(cause, (this.seen.get(cause) ?? 0) + 1);
         }
         this.forget(at);
@@ -97,7 +100,7 @@ export class Maps {
             const box = [left(m.x), top(m.y, m.height), Math.max(2, m.width * scale), Math.max(2, m.height * scale)];
             const whole = m.width * m.height >= 0.9 * this.side * this.side;
             context.fillStyle = hue;
-            context.globalAlpha = strength * (m.cause === kActive || whole ? 0.22 : 0.5);
+            context.globalAlpha = strength * (m.cause === kActive ? 0.4 : whole ? 0.22 : 0.5);
             context.fillRect(...box);
             if (m.cause === this.scroll) continue;  // strips lie side by side: outlines would hide the map
             context.globalAlpha = strength;

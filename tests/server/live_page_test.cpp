@@ -18,26 +18,25 @@ using server::LiveBoard;
 using server::ShadowConfig;
 using server::ShadowSystem;
 
-/// Drives in a circle around an object that moves and one at rest that can be taken away.
+/// Drives in a circle behind an object that moves; one at rest can be taken away.
 class Drive {
 public:
     Drive(LiveBoard& board, const world::WorldStore& store, const ShadowConfig& config, glm::dvec3 centre, double radius)
-        : live_(board.open("drive in a circle", "streets")), centre_(centre), radius_(radius) {
+        : live_(board.open("drive in a circle", std::filesystem::path(store.path()).stem())), centre_(centre), radius_(radius) {
         auto made = ShadowSystem::create(tests::validatedDevice(), store, config);
         if (!made) throw std::runtime_error(made.error().what);
         system_ = std::move(made.value());
         mover_ = system_->spawn(0, tests::placedAt(centre), {}).value();
-        victim_ = system_->spawn(0, tests::placedAt(centre + glm::dvec3(2, 0, 2)), {.atRest = true}).value();
+        victim_ = system_->spawn(0, tests::placedAt(centre + glm::dvec3(radius + 2, 0, 2)), {.atRest = true}).value();
     }
 
     void step() {
-        const double time = frame_++ / 30.0, angle = 0.25 * time;
-        const glm::dvec3 place = centre_ + 0.6 * radius_ * glm::dvec3(std::sin(2 * time), 0, std::cos(2 * time));
-        const server::ObjectUpdate update{mover_, tests::placedAt(place)};
+        const double time = frame_++ / 30.0, angle = 6 * time / radius_;  // 6 m/s
+        const server::ObjectUpdate update{mover_, tests::placedAt(on(angle + 8 / radius_ + 0.1 * std::sin(time)))};
         if (inject.exchange(false) && !system_->remove(victim_)) throw std::runtime_error("nothing to remove");
         FrameInput input;
         input.time = time;
-        input.camera.position = centre_ + radius_ * glm::dvec3(std::cos(angle), 0, std::sin(angle));
+        input.camera.position = on(angle);
         input.camera.orientation = glm::angleAxis(-angle + 3.14159265, glm::dvec3(0, 1, 0));
         input.objects = std::span(&update, 1);
         const server::Stopwatch watch;
@@ -50,6 +49,8 @@ public:
     std::atomic<bool> inject = false;
 
 private:
+    glm::dvec3 on(double angle) const { return centre_ + radius_ * glm::dvec3(std::cos(angle), 0, std::sin(angle)); }
+
     server::LiveSession live_;
     glm::dvec3 centre_;
     double radius_;

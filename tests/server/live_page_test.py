@@ -148,6 +148,8 @@ def look(browser, url, folder):
     browser.wait("the map is that of the chosen cascade",
                  "document.getElementById('map').getAttribute('aria-label').endsWith(' ' + document.querySelector('[name=cascade]:checked').value)")
 
+    if folder:
+        time.sleep(15)  # for charts that show something
     for width, height, dark, name in ((1280, 900, False, "desktop"), (390, 844, False, "phone"), (1280, 900, True, "dark"),
                                       (320, 640, False, "narrow")):
         browser.view(width, height, dark)
@@ -178,7 +180,7 @@ def main():
     if not program:
         tell("no Chromium is installed")
         return 77
-    with tempfile.TemporaryDirectory() as profile:
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         browser = Browser(program, profile)
         try:
             look(browser, url, folder)
