@@ -38,6 +38,7 @@ Result<int> runTune(const TuneOptions& options) {
     const auto session = lab::openSession(options.session);
     if (!session) return session.error();
     const lab::Session& s = *session.value();
+    if (const auto room = lab::requireRoom(*s.setting, start.value()); !room) return room.error();
     auto truths = lab::openTruths(lab::defaultFolder(options.session.world));
     if (!truths) return truths.error();
     std::optional<Progress> progress(std::in_place, "truth", std::cerr, stderrIsTerminal());

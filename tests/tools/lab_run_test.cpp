@@ -90,9 +90,58 @@ TEST(Lab, CountersErrorsAndPicturesDoNotDependOnThreads) {
     }
 }
 
+TEST(Lab, APathThatSeesNothingInTheSunIsRefused) {
+    const world::WorldStore store = tests::baked(tests::streets({0, 0, 0}), "sky.world");
+    std::vector<Pose> path = poses(3);
+    const std::vector<world::MoverTrack> none;
+    const auto light = culling::makeLightSpace(store.header().sun).value();
+    auto scene = tools::lab::Scene::load(store, path, 120, light, none);
+    ASSERT_TRUE(scene);
+    const tools::lab::Setting setting{tests::validatedDevice(), store, scene.value(), none, light, 120, glm::radians(60.0)};
+    const world_tests::TempFolder folder;
+    auto kept = tools::TruthStore::open(folder.file("sky.truth"));
+    ASSERT_TRUE(kept);
+    tools::lab::RunConfig config;
+    config.width = 32;
+    config.height = 18;
+    const auto traced = [&] {
+        return tools::lab::traceTruth(setting, path, tools::lab::judgedFrames(3, 0), config, kept.value(), [](size_t, size_t) {});
+    };
+    EXPECT_TRUE(traced());
+    for (Pose& pose : path) pose = {pose.time, pose.position + glm::dvec3(0, 80, 0), glm::angleAxis(1.4, glm::dvec3(1, 0, 0))};
+    const auto sky = traced();
+    ASSERT_FALSE(sky);
+    EXPECT_EQ(sky.error().code, world::ErrorCode::kUsage);
+    EXPECT_NE(sky.error().what.find("faces the sun"), std::string::npos) << sky.error().what;
+}
+
+TEST(Lab, CascadesThatServeNothingAreRefusedByNumber) {
+    const world::WorldStore store = tests::baked(tests::streets({0, 0, 0}), "room.world");
+    const std::vector<Pose> path = poses(2);
+    const std::vector<world::MoverTrack> none;
+    const auto light = culling::makeLightSpace(store.header().sun).value();
+    auto scene = tools::lab::Scene::load(store, path, 120, light, none);
+    ASSERT_TRUE(scene);
+    tools::lab::Setting setting{tests::validatedDevice(), store, scene.value(), none, light, 120, glm::radians(60.0)};
+    const auto told = [&](int cascades, double far) {
+        culling::ShadowMethod method = culling::methodNamed("gnomon").value();  // each three times as long as the one before
+        method.splits.count = cascades;
+        setting.farDistance = far;
+        const auto room = tools::lab::requireRoom(setting, method);
+        return room ? std::string() : room.error().what;
+    };
+    const auto has = [](const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; };
+    EXPECT_EQ(told(5, 120), "");  // the finest ends at 1.48 m
+    EXPECT_TRUE(has(told(6, 120), "serves nothing farther off than 0.5 m; give at most 5")) << told(6, 120);
+    EXPECT_TRUE(has(told(4, 1e5), "the coarsest begins 3.33e+04 m off")) << told(4, 1e5);
+    EXPECT_TRUE(has(told(4, 1e5), "give at most 1")) << told(4, 1e5);
+    EXPECT_EQ(told(1, 1e5), "");
+    EXPECT_EQ(told(1, 0.1), "");
+}
+
 TEST(JudgedFrames, ArePairsThatDoNotOverlap) {
     for (const size_t poses : {2u, 3u, 7u, 60u, 1000u})
-        for (const uint64_t every : {0u, 1u, 2u, 3u, 50u}) {
+        for (const uint64_t every : {uint64_t(0), uint64_t(1), uint64_t(2), uint64_t(3), uint64_t(50), ~uint64_t(0)}) {
             size_t next = 0;
             for (const size_t frame : tools::lab::judgedFrames(poses, every)) {
                 EXPECT_GE(frame, next) << poses << " poses, every " << every;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdio>
 #include <glm/gtc/matrix_transform.hpp>
 #include <optional>
 #include <utility>
@@ -200,6 +201,13 @@ Result<std::unique_ptr<Engine>> started(Arguments&&... arguments) {
     return std::unique_ptr<Engine>(std::move(engine));
 }
 
+/// "0.5 m", "66.7 m".
+std::string lengthText(double metres) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.3g m", metres);
+    return text;
+}
+
 }  // namespace
 
 double msSince(std::chrono::steady_clock::time_point start) {
@@ -212,6 +220,30 @@ culling::View viewAt(const Setting& setting, const world::Pose& pose) {
 
 culling::LightSpace lightAt(const Setting& setting, double time) {
     return setting.sunAt ? culling::makeLightSpace(setting.sunAt(time)).value() : setting.light;
+}
+
+Result<Done> requireRoom(const Setting& setting, const ShadowMethod& method) {
+    const double far = setting.farDistance, across = glm::length(setting.scene.bounds().extent());
+    const auto idle = [&](int cascades) -> std::string {
+        if (cascades == 1) return "";
+        culling::Splits splits = method.splits;
+        splits.count = cascades;
+        const std::vector<double> ends = culling::splitsOf(splits, std::min(kNearDistance, far / 2), far);
+        if (ends.front() <= kNearDistance) return "the finest serves nothing farther off than " + lengthText(kNearDistance);
+        if (ends[ends.size() - 2] >= across)
+            return "the coarsest begins " + lengthText(ends[ends.size() - 2]) + " off, and the world is " + lengthText(across) +
+                   " across";
+        return "";
+    };
+    const std::string why = idle(method.splits.count);
+    if (why.empty()) return Done{};
+    int most = method.splits.count - 1;
+    while (!idle(most).empty()) --most;
+    std::string what = "method ";
+    what.append(method.name).append(": ").append(std::to_string(method.splits.count)).append(" cascades within ");
+    what.append(lengthText(far)).append(": ").append(why).append("; give at most ").append(std::to_string(most));
+    what.append(", or another --far");
+    return world::Error{world::ErrorCode::kUsage, what};
 }
 
 Result<std::unique_ptr<Engine>> makeEngine(const Setting& setting, const ShadowMethod& method, const world::Pose& first) {

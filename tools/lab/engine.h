@@ -78,6 +78,10 @@ public:
     virtual const culling::LightSpace& light() const = 0;
 };
 
+/// kUsage, with the most cascades that would do, for a method of which one serves nothing: the finest would end nearer than
+/// kNearDistance, or the coarsest begin farther off than the scene is wide.
+world::Result<world::Done> requireRoom(const Setting& setting, const culling::ShadowMethod& method);
+
 /// kUsage for a method that cannot work.
 world::Result<std::unique_ptr<Engine>> makeEngine(const Setting& setting, const culling::ShadowMethod& method,
                                                   const world::Pose& first);

@@ -29,6 +29,8 @@ world::Result<std::string> judgeAll(const Setting& setting, const RunFiles& file
                                     const RunConfig& config, const std::string& folder,
                                     const std::function<void(const MethodRecord&)>& onMethod,
                                     const std::function<Follow(const std::string&)>& follow) {
+    for (const culling::ShadowMethod& method : config.methods)
+        if (const auto room = requireRoom(setting, method); !room) return room.error();
     const auto judged = judgedFrames(poses.size(), config.every);
     const auto run = describe(setting, files, poses, judged, config);
     if (!run) return run.error();

@@ -118,7 +118,7 @@ private:
 std::vector<size_t> judgedFrames(size_t poses, uint64_t every) {
     CHECK(poses >= 2);
     std::vector<size_t> frames;
-    const size_t step = std::max<size_t>(2, every > 0 ? size_t(every) : poses / kPairs);
+    const size_t step = std::max<size_t>(2, every > 0 ? std::min<size_t>(every, poses) : poses / kPairs);
     for (size_t at = std::min(step / 2, poses - 2); at + 1 < poses; at += step) frames.push_back(at);
     return frames;
 }
@@ -181,7 +181,8 @@ Result<std::vector<TruthPair>> traceTruth(const Setting& setting, std::span<cons
         onFrame(pairs.size(), frames.size());
     }
     if (pixels == 0)
-        return world::Error{world::ErrorCode::kUsage, "the path never sees a surface that faces the sun; give another path, or another sun"};
+        return world::Error{world::ErrorCode::kUsage, "the path never sees a surface that faces the sun within the far distance; "
+                                                      "give another path, another --sun, or a longer --far"};
     return pairs;
 }
 
