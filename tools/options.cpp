@@ -1,7 +1,10 @@
 #include "tools/options.h"
 
+#include <CLI/CLI.hpp>
+
 #include <charconv>
 #include <cmath>
+#include <sstream>
 #include <string_view>
 
 #include "culling/light_space.h"
@@ -31,6 +34,17 @@ bool parseNumbers(std::string_view text, std::array<double, N>& values) {
 }
 
 }  // namespace
+
+CLI::Validator within(double least, double most) {
+    std::ostringstream range;
+    range << least << " to " << most;
+    return CLI::Validator(
+        [=, text = range.str()](std::string& given) -> std::string {
+            double value = 0;
+            return parseWhole(given, value) && value >= least && value <= most ? "" : "'" + given + "'; give " + text;
+        },
+        "[" + range.str() + "]");
+}
 
 int exitStatus(world::ErrorCode code) { return code == world::ErrorCode::kUsage ? 2 : 3; }
 

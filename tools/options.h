@@ -9,6 +9,10 @@
 #include "culling/spot_light.h"
 #include "world/result.h"
 
+namespace CLI {
+class Validator;
+}
+
 namespace tools {
 
 /// Frame numbers begin <= n < end.
@@ -20,6 +24,9 @@ struct FrameRange {
 /// Exit status of a command that failed: 2 for kUsage, 3 for everything else. 0 is success, and 1 a
 /// replay whose maps differ from their redraw.
 int exitStatus(world::ErrorCode code);
+
+/// A number from `least` to `most`; CLI::Range takes NaN as well.
+CLI::Validator within(double least, double most);
 
 /// "A:B" with A < B. kUsage names the option.
 world::Result<FrameRange> parseFrameRange(const std::string& text);

@@ -9,6 +9,7 @@
 #include "tools/lab/session.h"
 #include "tools/lab/tune.h"
 #include "tools/method_file.h"
+#include "tools/options.h"
 #include "tools/output_folder.h"
 #include "tools/progress.h"
 
@@ -73,7 +74,7 @@ Command addTuneCommand(CLI::App& app) {
     const auto options = std::make_shared<TuneOptions>();
     CLI::App* parser = app.add_subcommand("tune", "Find the cheapest settings of the maps that keep stated limits along a path");
     lab::addSessionOptions(*parser, options->session);
-    const auto limit = CLI::Range(0.0, 1e12);
+    const auto limit = within(0, 1e12);
     parser->add_option("--max-error", options->limits.error, "false lit and false shadow [% of the pixels that face the sun]")->check(limit);
     parser->add_option("--max-instability", options->limits.instability, "flips per million points")->check(limit);
     parser->add_option("--max-cost", options->limits.cost,

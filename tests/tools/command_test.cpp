@@ -86,6 +86,13 @@ TEST_F(Commands, BadOptionsAreUsage) {
     expectRefusal("replay a.world --path p --spot 1,2,3", 2, "--spot 1,2,3");
     expectRefusal("replay a.world --path p --spot 0,9,0,0,-1,0,35,30 --spot 0,9,0,0,-1,0,95,30", 2, "half-angle");
     expectRefusal("replay a.world --path p --threads=-1", 2, "--threads");
+    expectRefusal("lab a.world --path p --every=-1", 2, "--every");
+    expectRefusal("lab a.world --path p --far nan", 2, "--far");
+    expectRefusal("lab a.world --path p --methods gnomn", 2, "nearest is gnomon");
+    expectRefusal("lab a.world --path p --methods doughnut,gnomon:sied=512", 2, "nearest is side");
+    expectRefusal("tune a.world --path p", 2, "--max-error");
+    expectRefusal("tune a.world --path p --max-error nan", 2, "--max-error");
+    expectRefusal("tune a.world --path p --max-error 1 --start engel", 2, "keeps no cache");
     expectRefusal("bake procedural:x -o a.world", 2, "procedural:x");
     expectRefusal("bake procedural:7 -o a.world --sun 0,0", 2, "--sun");
     expectRefusal("bake procedural:7 -o a.world --bounds 0,0,1,1", 2, "--bounds");

@@ -35,10 +35,11 @@ void addSessionOptions(CLI::App& parser, SessionOptions& options) {
     parser.add_option("--movers", options.movers, "recorded motion of objects, CSV");
     parser.add_option("--frames", options.frames, "FIRST:END, frame numbers to play");
     parser.add_option("--fps", options.fps, "resample the path to this rate; its own times by default");
-    parser.add_option("--every", options.every, "judge every Nth frame and the one after it; some 16 times by default");
-    parser.add_option("--far", options.farDistance, "how far from the eye shadows reach [m]")->check(CLI::Range(1.0, 1e5));
+    parser.add_option("--every", options.every, "judge every Nth frame and the one after it; some 16 times by default")
+        ->check(CLI::Range(uint64_t(0), uint64_t(1) << 40));
+    parser.add_option("--far", options.farDistance, "how far from the eye shadows reach [m]")->check(within(1, 1e5));
     parser.add_option("--fov", options.fov, "the camera's vertical field of view [degrees], at 16:9")
-        ->check(CLI::Range(1.0, 170.0));
+        ->check(within(1, 170));
     parser.add_option("--sun", options.sun, "AZIMUTH,ELEVATION of the sun [degrees]; the world's own by default");
     parser.add_option("--device", options.device.nameContains, "use the first device whose name contains this");
     parser.add_flag("--validation", options.device.validation, "Vulkan's core and synchronization validation");
