@@ -47,4 +47,23 @@ until [[ -s disk/out.world.baking ]] || ! kill -0 $!; do sleep 0.01; done
 refused disk/out.world disk/out.world.baking "another bake is writing it" "wait for its end"
 wait $! || fail "the first of two bakes"
 [[ $(content disk/out.world) == "$whole" ]] || fail "two bakes at one file"
+
+# Runs in a results file: those that are there stay, the one that does not fit is told and leaves nothing.
+awk 'BEGIN { for (k = 0; k < 20; ++k) print k / 30, 500 + k, 100, -500, 0, 0, 0, 1 }' > way.tum
+run() { "$gnomon" replay old.world --path way.tum --sun 135,40 --resolution 64 --results disk/r.sqlite --out run "$@" >log 2>&1; }
+run || fail "the run on a good disk"
+cp disk/r.sqlite before.sqlite
+head -c 100000000 /dev/zero > disk/filler 2>/dev/null || true
+status=0
+run || status=$?
+[[ $status == 3 ]] || fail "status $status instead of 3 on a full disk"
+for word in disk/r.sqlite "free some space there, or choose another disk"; do
+    grep '^gnomon: ' log | grep -qF "$word" || fail "no word of '$word'"
+done
+rm disk/filler
+"$gnomon" report disk/r.sqlite --gate 'triangles.max >= 0' >log 2>&1 || fail "the run before the disk was full"
+cmp -s disk/r.sqlite before.sqlite || fail "the results file has changed"
+run || fail "the run after there was room"
+"$gnomon" report --diff 'disk/r.sqlite#1' 'disk/r.sqlite#2' >log 2>&1 || fail "two runs"
+grep -q "Nothing differs" log || fail "the runs differ"
 echo "full, read-only and shared disks: nothing lost"

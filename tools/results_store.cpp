@@ -123,10 +123,9 @@ Result<ResultsStore> ResultsStore::open(const std::string& file) {
     auto opened = Database::openEmpty(file);
     if (!opened) return toldOf(file, opened.error());
     ResultsStore store(file, std::move(opened.value()));
-    store.database_.waitAtMost(world::kPatienceMs);
+    // With a rollback journal and no write-ahead log: what is copied or read where nothing can be written is one file.
+    store.database_.waitAtMost(kResultsPatienceMs);
     if (const auto done = prepare(store.database_, file); !done) return done.error();
-    // Readers do not stop while a run is added.
-    if (const auto done = store.database_.run("PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL"); !done) return store.told(done.error());
     if (const auto done = store.stage(); !done) return store.told(done.error());
     return store;
 }

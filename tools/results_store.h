@@ -21,6 +21,9 @@ namespace tools {
 constexpr int64_t kResultsId = 0x47524553;  ///< "GRES" in the file's header
 constexpr int64_t kResultsVersion = 1;
 
+/// A report of 100,000 frames holds a file for several seconds, and a run that took an hour can wait for it.
+constexpr int kResultsPatienceMs = 30000;
+
 /// Casters that are kept of a frame: those that cost it the most triangles.
 constexpr size_t kDearest = 8;
 
@@ -33,6 +36,8 @@ public:
     /// kIo for one that is locked, cannot be written or has no room.
     static world::Result<ResultsStore> open(const std::string& file);
 
+    /// How long `commit` waits for others: kResultsPatienceMs to begin with.
+    void waitAtMost(int ms) { database_.waitAtMost(ms); }
     /// Rows of the run under way. kIo where the temporary file has no room.
     world::Result<world::Done> add(const ReplayFrame& frame);
     world::Result<world::Done> add(const DumpedPicture& picture);

@@ -160,7 +160,7 @@ TEST(ResultsStore, ARunThatDidNotEndIsNotThere) {
     ASSERT_EQ(store.value().commit(someRun("second")).value(), 2);
     EXPECT_EQ(framesOf(file + "#1").size(), 5u);
     EXPECT_EQ(framesOf(file).size(), 7u);
-    EXPECT_EQ(folder.list().front(), "r.sqlite");
+    EXPECT_EQ(folder.list(), std::vector<std::string>{"r.sqlite"}) << "one file, even while it is open";
 }
 
 TEST(ResultsStore, RunsUnderWaySideBySideDoNotWaitForEachOther) {
@@ -229,7 +229,7 @@ TEST(ResultsStore, LongRunsTakeNoMoreMemory) {
     const size_t before = resident();
     add(12000);
     ASSERT_TRUE(store.value().commit(someRun()));
-    EXPECT_GT(std::filesystem::file_size(folder.file("r.sqlite")) + std::filesystem::file_size(folder.file("r.sqlite-wal")), 12'000'000u);
+    EXPECT_GT(std::filesystem::file_size(folder.file("r.sqlite")), 12'000'000u);
     // Caches of pages of both databases are 2 MB each; the allocator may hold as much again.
     EXPECT_LT(resident(), before + (8u << 20));
 }
@@ -294,6 +294,7 @@ TEST(ResultsStore, SaysThatAFileIsLocked) {
     addFrames(store.value(), 1, 5, 2);
     auto other = world::Database::openEmpty(file);
     ASSERT_TRUE(other.value().run("BEGIN IMMEDIATE"));
+    store.value().waitAtMost(100);
     const auto committed = store.value().commit(someRun());
     ASSERT_FALSE(committed);
     EXPECT_EQ(committed.error().code, world::ErrorCode::kIo);
