@@ -119,6 +119,7 @@ struct Run {
     ReplayInput input;
     std::optional<MoverFeed> movers;
     std::string moversHash;  ///< empty: none
+    int64_t number = 0;      ///< in the results file, when it is there
     ReplayHead head;
 };
 
@@ -312,7 +313,7 @@ Result<Summary> play(const ReplayOptions& options, Run& run) {
     if (recording.value()) {
         const auto number = record(*recording.value(), run, summary, dump ? &*dump : nullptr);
         if (!number) return number.error();
-        std::cout << options.results << '#' << number.value() << " holds the run; gnomon report shows it\n";
+        run.number = number.value();
     }
     if (const auto done = results.value().commit(); !done) return done.error();
     if (pictures) {
@@ -341,6 +342,7 @@ Result<int> runReplay(const ReplayOptions& options) {
     const auto summary = play(options, run);
     if (!summary) return summary.error();
     std::cout << toText(run.head, summary.value());
+    if (run.number > 0) std::cout << options.results << '#' << run.number << " holds the run; gnomon report shows it\n";
     const std::vector<std::string> messages = run.device->validationMessages();
     for (const std::string& message : messages) std::cerr << message << '\n';
     if (!messages.empty())

@@ -97,10 +97,21 @@ Result<Done> writeExport(RunFile& run, const std::string& path, const report::Fo
                  "for a timeline, .png for an animation of the pictures");
 }
 
-Result<Done> writePage(std::vector<RunFile>& runs, const std::string& path, const report::Follow& follow) {
+/// What is to be said of the page.
+Result<std::string> writePage(std::vector<RunFile>& runs, const std::string& path, const report::Follow& follow) {
     const auto page = report::reportPage(runs, follow);
     if (!page) return page.error();
-    return writeText(path, page.value());
+    if (const auto done = writeText(path, page.value().html); !done) return done.error();
+    std::string said = path + " shows it\n";
+    for (const auto& [run, frames] : page.value().unpictured) {
+        said += run + ": for pictures of its dearest frames give the replay --dump FOLDER --dump-frames ";
+        for (size_t k = 0; k < frames.size(); ++k) {
+            if (k > 0) said += ',';
+            said += std::to_string(frames[k]);
+        }
+        said += '\n';
+    }
+    return said;
 }
 
 Result<int> runReport(const ReportOptions& options) {
@@ -146,8 +157,9 @@ Result<int> runReport(const ReportOptions& options) {
     const bool asked = options.difference || rules || !options.exported.empty();
     const std::string page = options.output.empty() && !asked ? "report.html" : options.output;
     if (!page.empty()) {
-        if (const auto done = writePage(runs, page, follow); !done) return done.error();
-        said += page + " shows it\n";
+        const auto written = writePage(runs, page, follow);
+        if (!written) return written.error();
+        said += written.value();
     }
     progress.reset();
     std::cout << said;

@@ -283,6 +283,47 @@ TEST_F(Commands, AReplayWritesAllItsResults) {
     }
 }
 
+TEST_F(Commands, ReportsRefuseWhatIsNoRun) {
+    expectRefusal("report", 2, "runs");
+    expectRefusal("report missing.sqlite", 3, "missing.sqlite");
+    expectRefusal("report missing.sqlite#4 -o a.html", 3, "missing.sqlite");
+    put("text.sqlite", std::string(5000, 'x'));
+    expectRefusal("report text.sqlite", 3, "text.sqlite: holds no results");
+    put("scene.gltf", scene());
+    ASSERT_EQ(gnomon("bake scene.gltf -o small.world --sun 135,40").status, 0);
+    put("walk.tum", "0 5 2 5 0 0 0 1\n1 6 2 5 0 0 0 1\n2 8 2 5 0 0 0 1\n3 20 2 5 0 0 0 1\n");
+    const std::string small = "replay small.world --path walk.tum --resolution 64 --cascades 2 --far 50";
+    expectRefusal(small + " --results text.sqlite", 3, "text.sqlite: holds no results");
+    expectRefusal(small + " --results none/r.sqlite", 3, "none/r.sqlite");
+    expectRefusal(small + " --dump-frames 1", 2, "--dump");
+    expectRefusal(small + " --dump d --dump-frames 1,7", 2, "--dump-frames 7");
+    const Outcome run = gnomon(small + " --verify --results r.sqlite --dump d --dump-frames 1,3");
+    ASSERT_EQ(run.status, 0) << run.text;
+    EXPECT_NE(run.text.find("r.sqlite#1 holds the run"), std::string::npos) << run.text;
+    EXPECT_TRUE(files().contains("d/frame_000001_cascade_1.png"));
+    EXPECT_FALSE(files().contains("d/frame_000000_cascade_1.png"));
+    expectRefusal("report r.sqlite#9", 3, "there is no such run; the newest of r.sqlite are #1 replay");
+    expectRefusal("report r.sqlite --diff", 2, "two runs");
+    expectRefusal("report r.sqlite --gate 'triangels.max < 5'", 2, "nearest is triangles");
+    expectRefusal("report r.sqlite --gate 'triangles.max <= 1x'", 2, "--diff");
+    expectRefusal("report r.sqlite --export a.xls", 2, "a.xls");
+    expectRefusal("report r.sqlite --export none/a.csv", 3, "none/a.csv");
+    expectRefusal("report r.sqlite -o none/a.html", 3, "none/a.html");
+    EXPECT_EQ(gnomon("report r.sqlite --gate 'triangles.max < 0'").status, 1);
+    const Outcome kept = gnomon("report --diff r.sqlite r.sqlite --gate 'triangles.max <= 1x; frame_differing_texels.max == 0' -o a.html");
+    EXPECT_EQ(kept.status, 0) << kept.text;
+    EXPECT_NE(kept.text.find("Nothing differs"), std::string::npos) << kept.text;
+    const Outcome exported = gnomon("report r.sqlite --export a.csv");
+    EXPECT_EQ(exported.status, 0) << exported.text;
+    const auto text = [&](const std::string& name) {
+        std::ifstream file(folder_ / name);
+        return std::string(std::istreambuf_iterator<char>(file), {});
+    };
+    EXPECT_EQ(text("a.csv"), text("small.replay/frames.csv"));
+    EXPECT_EQ(gnomon("report r.sqlite --export a.png").status, 0);
+    EXPECT_EQ(text("a.png").substr(37, 4), "acTL");
+}
+
 TEST_F(Commands, LabWantsAWorldOrTheSuite) {
     for (const std::string arguments : {"lab", "lab hills.world", "lab --path way.tum"}) {
         const Outcome neither = gnomon(arguments);

@@ -17,6 +17,8 @@ using world::Error;
 using world::ErrorCode;
 using world::Result;
 
+constexpr size_t kLongestRule = 200;  ///< [bytes]; the longest that makes sense has 80
+
 const std::array<std::pair<const char*, double>, 6> kQuantiles{
     {{"min", 0}, {"p50", 0.5}, {"p95", 0.95}, {"p99", 0.99}, {"p99.9", 0.999}, {"max", 1}}};
 
@@ -46,7 +48,8 @@ Result<Rule> parse(const std::string& text, const std::string& where, const Resu
     static const std::regex kRule(R"(([A-Za-z0-9_]+)\.([A-Za-z0-9.]+)\s*(<=|>=|==|<|>)\s*(\S+))");
     const auto wrong = [&](const std::string& what) { return Error{ErrorCode::kUsage, where + ": " + text + ": " + what}; };
     std::smatch part;
-    if (!std::regex_match(text, part, kRule)) return wrong("no rule; give COLUMN.STATISTIC OPERATOR NUMBER, as in triangles.p99 <= 1.05x");
+    // A long text would take the matcher's recursion deep.
+    if (text.size() > kLongestRule || !std::regex_match(text, part, kRule)) return wrong("no rule; give COLUMN.STATISTIC OPERATOR NUMBER, as in triangles.p99 <= 1.05x");
     Rule rule;
     rule.text = text;
     const auto metric = metricNamed(part[1], columns);

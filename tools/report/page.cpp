@@ -1,5 +1,6 @@
 #include "tools/report/page.h"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "tools/lab/embedded/chart.h"
@@ -40,23 +41,36 @@ Result<Json> jsonOf(RunFile& run, const std::function<void(size_t)>& onFrame) {
     return json;
 }
 
+std::vector<uint64_t> unpicturedOf(const Json& run) {
+    std::vector<uint64_t> frames;
+    if (run["kind"] != "replay") return frames;
+    for (const Json& frame : run["dearest"]) {
+        const Json& number = frame["n"];
+        if (std::none_of(run["pictures"].begin(), run["pictures"].end(), [&](const Json& p) { return p[0] == number; })) frames.push_back(number);
+    }
+    std::sort(frames.begin(), frames.end());
+    return frames;
+}
+
 }  // namespace
 
-Result<std::string> reportPage(std::vector<RunFile>& runs, const std::function<void(size_t, size_t)>& follow) {
+Result<Page> reportPage(std::vector<RunFile>& runs, const std::function<void(size_t, size_t)>& follow) {
     size_t total = 0, before = 0;
     for (const RunFile& run : runs) total += run.record().frames;
+    Page page;
     Json data{{"runs", Json::array()}};
     for (RunFile& run : runs) {
         auto json = jsonOf(run, [&](size_t done) { follow(std::min(before + done, total), total); });
         if (!json) return json.error();
+        if (auto frames = unpicturedOf(json.value()); !frames.empty()) page.unpictured.emplace_back(run.name(), std::move(frames));
         data["runs"].push_back(std::move(json.value()));
         before += run.record().frames;
     }
-    std::string page(viewOf(kPage));
+    page.html = viewOf(kPage);
     // The data last: what it says is not looked through for marks.
-    put(page, "@LICENCE@", viewOf(lab::kChartLicence));
-    put(page, "@CHART@", viewOf(lab::kChart));
-    put(page, "@DATA@", embeddable(data));
+    put(page.html, "@LICENCE@", viewOf(lab::kChartLicence));
+    put(page.html, "@CHART@", viewOf(lab::kChart));
+    put(page.html, "@DATA@", embeddable(data));
     return page;
 }
 
