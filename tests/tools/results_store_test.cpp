@@ -48,6 +48,7 @@ RunRecord someRun(const std::string& name = "") {
 ReplayFrame frameOf(std::mt19937& rng, std::mt19937& noise, uint64_t number, int cascades) {
     ReplayFrame frame = tools_test::randomFrame(rng, noise, number, cascades);
     frame.eye = {double(number), 2, -3.5};
+    if (cascades > 0) frame.report.cascades[0].byCause[0] = {7, 0, 0, 0};  // cleared, and nothing drawn
     frame.dearest = {{"instance 3 of chunk (1,0,2)", {1, 2, 3}, 500, 4}, {"terrain of chunk (0,0,0)", {4, 5, 6}, 20, 1}};
     return frame;
 }
