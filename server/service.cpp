@@ -280,6 +280,7 @@ struct Service::Impl final : v1::Gnomon::WithCallbackMethod_Session<v1::Gnomon::
         auto session = server::Session::open(device, live.world->store, request, config.session);
         if (!session) return session.error();
         live.session = std::move(session.value());
+        if (config.board) live.session->show(config.board->open("session " + std::to_string(live.number), live.world->name));
         return Done{};
     }
 
@@ -428,6 +429,7 @@ Result<std::unique_ptr<Service>> Service::start(gpu::Device& device, const Servi
     const size_t colon = config.listen.rfind(':');
     impl->address = config.listen.starts_with("unix:") ? config.listen : config.listen.substr(0, colon + 1) + std::to_string(port);
     impl->watcher = std::thread([i = impl.get()] { i->watch(); });
+    if (config.board) config.board->setReady(true);
     impl->tell({"listening", 0, impl->address, 0});
     return std::unique_ptr<Service>(new Service(std::move(impl)));
 }
@@ -444,6 +446,7 @@ uint64_t Service::frames() const { return impl_->framesDrawn.load(std::memory_or
 void Service::stop(std::chrono::milliseconds patience) {
     Impl& s = *impl_;
     if (!s.server) return;
+    if (s.config.board) s.config.board->setReady(false);
     {
         std::unique_lock lock(s.mutex);
         s.stopping = true;

@@ -27,6 +27,7 @@ struct ServiceConfig {
     double idleSeconds = 600;                 ///< without a request a session ends, > 0
     double unreadSeconds = 30;                ///< so long may a reply wait for its reader, > 0
     SessionLimits session;
+    LiveBoard* board = nullptr;               ///< sessions publish their frames there; outlives the service
 };
 
 /// Something worth a line in a log: a session opened, ended, was refused.

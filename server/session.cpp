@@ -289,7 +289,9 @@ Result<v1::FrameReply> Session::frame(const v1::Frame& request) {
     moves_.clear();
     report_ = std::move(report.value());
     ++frames_;
-    reply.mutable_times()->set_advance(watch.ms());
+    const double ms = watch.ms();
+    if (live_) live_->publish(*system_, input, report_, ms);
+    reply.mutable_times()->set_advance(ms);
     reply.mutable_times()->set_gpu(report_.gpu.wallMs);
     put(reply, report_);
     for (int c = 0; c < system_->cascades(); ++c) {

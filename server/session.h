@@ -3,11 +3,14 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
+#include "server/live_board.h"
 #include "server/shadow_system.h"
 #include "server/world_folder.h"
 #include "world/result.h"
@@ -48,6 +51,9 @@ public:
     /// edits than a frame may have: nothing happened. kDevice, kIo: the session is of no use any more.
     world::Result<gnomon::v1::FrameReply> frame(const gnomon::v1::Frame& request);
 
+    /// Each further frame is published there.
+    void show(LiveSession live) { live_.emplace(std::move(live)); }
+
     /// One cascade's committed state, as in a reply, without counts. CHECKs that a frame was drawn and the number exists.
     gnomon::v1::Cascade cascade(int number) const;
 
@@ -65,6 +71,7 @@ private:
     std::unordered_map<uint64_t, ObjectId> objects_;  ///< by the client's number
     std::vector<ObjectUpdate> moves_;                 ///< of the frame that is being made
     FrameReport report_;
+    std::optional<LiveSession> live_;
     uint64_t frames_ = 0;
 };
 

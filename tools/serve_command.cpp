@@ -8,6 +8,8 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "server/http_server.h"
+#include "server/live_board.h"
 #include "server/service.h"
 #include "tools/option_file.h"
 
@@ -22,6 +24,7 @@ struct ServeOptions {
     server::ServiceConfig service;
     server::TlsFiles tls;
     std::string config;
+    int httpPort = -1;  ///< -1: no page
     gpu::DeviceConfig device;
     double messageMiB = 64, residentMiB = 1024, geometryMiB = 256, mapMiB = 1024, stopSeconds = 10;
 };
@@ -66,8 +69,17 @@ Result<int> runServe(ServeOptions& options, CLI::App& parser) {
 
     auto device = gpu::Device::create(options.device);
     if (!device) return device.error();
+    server::LiveBoard board;
+    options.service.board = &board;
     const auto service = server::Service::start(*device.value(), options.service, log);
     if (!service) return service.error();
+    std::unique_ptr<server::HttpServer> http;
+    if (options.httpPort >= 0) {
+        auto started = server::HttpServer::start(board, {.port = uint16_t(options.httpPort)});
+        if (!started) return started.error();
+        http = std::move(started.value());
+        log({"page", 0, "http://127.0.0.1:" + std::to_string(http->port()) + "/", 0});
+    }
     int signal = 0;
     sigwait(&ends, &signal);
     service.value()->stop(std::chrono::milliseconds(int64_t(options.stopSeconds * 1e3)));
@@ -86,6 +98,8 @@ Command addServeCommand(CLI::App& app) {
     parser->add_option("--tls-certificate", options->tls.certificate, "the server's certificate (PEM)");
     parser->add_option("--tls-key", options->tls.key, "its key (PEM)");
     parser->add_option("--tls-clients", options->tls.authority, "the authority that signs clients' certificates (PEM)");
+    parser->add_option("--http", options->httpPort, "port of this machine for the live page, /healthz, /readyz and /metrics, 0 for any; none by default")
+        ->check(CLI::Range(0, 65535));
     parser->add_option("--record", options->service.record, "folder for a recording of each session; none by default");
     parser->add_option("--sessions", options->service.sessions, "open at the same time")->check(CLI::Range(1, 4096))->capture_default_str();
     parser->add_option("--objects", options->service.session.objects, "that a session may have")->capture_default_str();
