@@ -12,6 +12,7 @@
 #include <optional>
 #include <string>
 
+#include "server/recording.h"
 #include "tools/difference_text.h"
 #include "tools/dump.h"
 #include "tools/frames_csv.h"
@@ -20,8 +21,8 @@
 #include "tools/options.h"
 #include "tools/output_folder.h"
 #include "tools/progress.h"
-#include "tools/replay_recording.h"
 #include "tools/replay.h"
+#include "tools/replay_recording.h"
 #include "tools/results_store.h"
 #include "tools/summary.h"
 #include "world/movers.h"
