@@ -33,6 +33,7 @@ const std::vector<Knob>& knobs() {
         {{{{"level-error", "4"}, {"bias-receiver", "4"}}, {{"level-error", "2"}, {"bias-receiver", "2"}},
           {{"level-error", "1"}, {"bias-receiver", "1"}}, {{"level-error", "0.5"}, {"bias-receiver", "0.5"}},
           {{"level-error", "0.25"}, {"bias-receiver", "0.25"}}, {{"level-error", "0.125"}, {"bias-receiver", "0.125"}}}},
+        {{{{"bias-gradient", "0"}}, {{"bias-gradient", "0.1"}}, {{"bias-gradient", "0.3"}}, {{"bias-gradient", "1"}}}},
         {{{{"guard-band", "16"}}, {{"guard-band", "8"}}, {{"guard-band", "4"}}, {{"guard-band", "2"}}, {{"guard-band", "1"}}}},
         {{{{"filter", "none"}}, {{"filter", "box2"}}, {{"filter", "box3"}}}},
         {{{{"blend", "0"}}, {{"blend", "0.2"}}, {{"blend", "0.4"}}, {{"blend", "0.6"}}}},
@@ -67,13 +68,14 @@ double excess(double value, double limit) {
 }
 
 double violation(const Trial& t, const TuneLimits& limits) {
-    return excess(t.error, limits.error) + excess(t.instability, limits.instability) + excess(t.cost, limits.cost);
+    return excess(t.error.elsewhere, limits.error) + excess(t.instability.elsewhere, limits.instability) +
+           excess(t.cost, limits.cost);
 }
 
 /// What is better comes first.
 std::tuple<double, double, double> rankOf(const Trial& t, const TuneLimits& limits) {
-    const double first = limits.cost < kInfinity && limits.error == kInfinity ? t.error : t.cost;
-    return {violation(t, limits), first, t.error};
+    const double first = limits.cost < kInfinity && limits.error == kInfinity ? t.error.here : t.cost;
+    return {violation(t, limits), first, t.error.here};
 }
 
 std::string differences(const ShadowMethod& from, const ShadowMethod& to) {
@@ -87,10 +89,27 @@ std::string differences(const ShadowMethod& from, const ShadowMethod& to) {
 }
 
 std::string line(const char* what, const Trial& t) {
-    char text[200];
-    std::snprintf(text, sizeof text, "%-10s cost %10.0f triangles a frame, error %.4f %%, %.1f flips per million\n", what, t.cost,
-                  t.error, t.instability);
+    char text[240];
+    std::snprintf(text, sizeof text, "%-10s cost %10.0f triangles a frame, error %.4f %% (elsewhere %.4f %%), %.1f flips per million (%.1f)\n",
+                  what, t.cost, t.error.here, t.error.elsewhere, t.instability.here, t.instability.elsewhere);
     return text;
+}
+
+/// So many of so many, in one pair of frames.
+struct Part {
+    double count = 0, of = 0;
+};
+
+/// Of `unit`. Source: the ratio estimator and its variance, Cochran, "Sampling Techniques", 1977.
+Figure figureOf(const std::vector<Part>& parts, double unit) {
+    Part sum;
+    for (const Part& p : parts) sum = {sum.count + p.count, sum.of + p.of};
+    if (sum.of == 0) return {};
+    const double share = sum.count / sum.of, n = double(parts.size());
+    double squares = 0;
+    for (const Part& p : parts) squares += (p.count - share * p.of) * (p.count - share * p.of);
+    const double deviation = n < 2 ? 0 : std::sqrt(squares / (n - 1)) / (sum.of / n);  // of one pair's share
+    return {unit * share, unit * (share + 2 * deviation * std::sqrt(2 / n))};
 }
 
 /// The cheapest trial that keeps some limits.
@@ -105,8 +124,14 @@ const Trial* cheapest(const std::vector<Trial>& trials, const TuneLimits& limits
 
 Trial trialOf(const MethodResult& result) {
     const double frames = double(std::max<size_t>(1, result.frames));
-    const Measures& m = result.measures;
-    return {result.method, 100 * m.share(m.falseLit.all() + m.falseShadow.all()), m.flipsPerMillion(),
+    std::vector<Part> wrong, flips;
+    for (size_t i = 0; i + 1 < result.judged.size(); i += 2) {
+        Measures pair = result.judged[i].measures;
+        pair += result.judged[i + 1].measures;
+        wrong.push_back({double(pair.wrong()), double(pair.pixels)});
+        flips.push_back({double(pair.flips), double(pair.points)});
+    }
+    return {result.method, figureOf(wrong, 100), figureOf(flips, 1e6),
             (double(result.cost.triangles) + double(result.cost.texels) / kTexelsPerTriangle) / frames};
 }
 
@@ -156,10 +181,10 @@ std::string tuneText(const Tuned& tuned, const TuneLimits& limits) {
     std::string text = line("start", start) + line(tuned.met ? "answer" : "nearest", best) + "changed    " +
                        differences(start.method, best.method) + "; " + std::to_string(tuned.trials.size()) + " configurations tried\n";
     char buffer[200];
-    const auto each = [&](const char* name, double TuneLimits::*limit, double Trial::*value) {
+    const auto each = [&](const char* name, double TuneLimits::*limit, const auto& valueOf) {
         if (limits.*limit == kInfinity) return;
-        if (const double by = excess(best.*value, limits.*limit); by > 0) {
-            std::snprintf(buffer, sizeof buffer, "not met    %s: %g where at most %g is asked, %.3g %s\n", name, best.*value,
+        if (const double by = excess(valueOf(best), limits.*limit); by > 0) {
+            std::snprintf(buffer, sizeof buffer, "not met    %s: %g where at most %g is asked, %.3g %s\n", name, valueOf(best),
                           limits.*limit, limits.*limit > 0 ? 100 * by : by, limits.*limit > 0 ? "% too much" : "too much");
             text += buffer;
             return;
@@ -169,12 +194,12 @@ std::string tuneText(const Tuned& tuned, const TuneLimits& limits) {
         const Trial* without = cheapest(tuned.trials, others);
         if (!tuned.met || !without) return;
         std::snprintf(buffer, sizeof buffer, "%-10s the limit of %g costs %.0f triangles a frame (%.1f %%): without it %.0f, at %g\n", name,
-                      limits.*limit, best.cost - without->cost, 100 * (1 - without->cost / best.cost), without->cost, without->*value);
+                      limits.*limit, best.cost - without->cost, 100 * (1 - without->cost / best.cost), without->cost, valueOf(*without));
         text += buffer;
     };
-    each("error", &TuneLimits::error, &Trial::error);
-    each("flips", &TuneLimits::instability, &Trial::instability);
-    each("cost", &TuneLimits::cost, &Trial::cost);
+    each("error", &TuneLimits::error, [](const Trial& t) { return t.error.elsewhere; });
+    each("flips", &TuneLimits::instability, [](const Trial& t) { return t.instability.elsewhere; });
+    each("cost", &TuneLimits::cost, [](const Trial& t) { return t.cost; });
     return text;
 }
 
