@@ -285,9 +285,10 @@ struct Service::Impl final : v1::Gnomon::WithCallbackMethod_Session<v1::Gnomon::
     }
 
     Status run(Live& live) {
-        const auto first = live.stream.next(false);
+        auto first = live.stream.next(false);
         if (first.empty()) return {StatusCode::INVALID_ARGUMENT, "the stream ended before its session was opened"};
         if (!first.front().has_open()) return {StatusCode::INVALID_ARGUMENT, "the first request of a session opens it; give `open`"};
+        fillDefaults(*first.front().mutable_open(), config.maps);  // and so it is recorded
         if (const auto opened = openSession(live, first.front().open()); !opened) {
             tell({"refused", live.number, opened.error().what, 0});
             return statusOf(opened.error());

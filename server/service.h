@@ -27,6 +27,7 @@ struct ServiceConfig {
     double idleSeconds = 600;                 ///< without a request a session ends, > 0
     double unreadSeconds = 30;                ///< so long may a reply wait for its reader, > 0
     SessionLimits session;
+    ShadowConfig maps;                        ///< what a session's request leaves open is as here
     LiveBoard* board = nullptr;               ///< sessions publish their frames there; outlives the service
 };
 

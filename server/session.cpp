@@ -91,6 +91,7 @@ Result<ShadowConfig> configOf(const v1::OpenSession& r, const SessionLimits& lim
     config.budget = budgetOf(r.budget());
     if (r.rest_seconds() != 0) config.restSeconds = r.rest_seconds();
     config.occlusion = !r.no_occlusion();
+    if (r.rays() > 0) config.raysPerCluster = r.rays();
     config.timestamps = false;
     config.residentBytes = limits.residentBytes;
     config.geometryBytes = limits.geometryBytes;
@@ -326,6 +327,20 @@ v1::WorldInfo describe(const OpenedWorld& opened) {
     put(info.mutable_sun(), store.header().sun);
     info.set_content(opened.content);
     return info;
+}
+
+void fillDefaults(v1::OpenSession& r, const ShadowConfig& defaults) {
+    if (r.cameras() == 0) r.set_cameras(uint32_t(defaults.cameras));
+    if (r.cascades() == 0) r.set_cascades(uint32_t(defaults.cascades));
+    if (r.side() == 0) r.set_side(uint32_t(defaults.side));
+    if (r.far() == 0) r.set_far(defaults.farDistance);
+    if (r.split_ratio() == 0) r.set_split_ratio(defaults.splitRatio);
+    if (r.guard_band() == 0) r.set_guard_band(uint32_t(defaults.guardBand));
+    if (r.level_error() == 0) r.set_level_error(defaults.levelError);
+    if (r.smallest_caster() == 0) r.set_smallest_caster(defaults.smallestCaster);
+    if (defaults.format == gpu::DepthFormat::kD16) r.set_depth16(true);
+    if (!defaults.occlusion) r.set_no_occlusion(true);
+    if (r.rays() == 0) r.set_rays(defaults.raysPerCluster);
 }
 
 void mergeFrames(v1::Frame& into, v1::Frame&& later) {

@@ -78,6 +78,9 @@ private:
 /// What a client is told of a world.
 gnomon::v1::WorldInfo describe(const OpenedWorld& opened);
 
+/// Gives what the request leaves to the server, as `defaults` has it: settings of the maps, format, occlusion and its rays.
+void fillDefaults(gnomon::v1::OpenSession& request, const ShadowConfig& defaults);
+
 /// Adds a frame that came after `into` to it: poses, sun and time are the later ones, updates and edits of both stay, in
 /// order.
 void mergeFrames(gnomon::v1::Frame& into, gnomon::v1::Frame&& later);

@@ -11,6 +11,7 @@
 #include "server/http_server.h"
 #include "server/live_board.h"
 #include "server/service.h"
+#include "tools/method_file.h"
 #include "tools/option_file.h"
 
 namespace tools {
@@ -23,7 +24,7 @@ using world::Result;
 struct ServeOptions {
     server::ServiceConfig service;
     server::TlsFiles tls;
-    std::string config;
+    std::string config, maps;
     int httpPort = -1;  ///< -1: no page
     gpu::DeviceConfig device;
     double messageMiB = 64, residentMiB = 1024, geometryMiB = 256, mapMiB = 1024, stopSeconds = 10;
@@ -59,6 +60,12 @@ Result<int> runServe(ServeOptions& options, CLI::App& parser) {
     options.service.session.residentBytes = bytesOf(options.residentMiB);
     options.service.session.geometryBytes = bytesOf(options.geometryMiB);
     options.service.session.mapBytes = bytesOf(options.mapMiB);
+
+    if (!options.maps.empty()) {
+        const auto method = methodFromWord(options.maps);
+        if (!method) return method.error();
+        if (const auto good = apply(method.value(), options.service.maps); !good) return good.error();
+    }
 
     // Before any thread is made, so that all of them leave these signals to this one.
     sigset_t ends;
@@ -98,6 +105,7 @@ Command addServeCommand(CLI::App& app) {
     parser->add_option("--tls-certificate", options->tls.certificate, "the server's certificate (PEM)");
     parser->add_option("--tls-key", options->tls.key, "its key (PEM)");
     parser->add_option("--tls-clients", options->tls.authority, "the authority that signs clients' certificates (PEM)");
+    parser->add_option("--maps", options->maps, "the maps' settings where a session leaves them open: a file NAME.toml, as gnomon tune writes it, or gnomon:SETTING=VALUE");
     parser->add_option("--http", options->httpPort, "port of this machine for the live page, /healthz, /readyz and /metrics, 0 for any; none by default")
         ->check(CLI::Range(0, 65535));
     parser->add_option("--record", options->service.record, "folder for a recording of each session; none by default");

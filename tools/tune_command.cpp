@@ -64,7 +64,7 @@ Result<int> runTune(const TuneOptions& options) {
     const ShadowMethod& best = tuned.value().trials[tuned.value().best].method;
     if (const auto written = writeText(out, methodFileText(best, "gnomon", "Tuned on " + options.session.path + ".\n" + text)); !written)
         return written.error();
-    std::cout << out << " has it; gnomon lab --methods and gnomon replay --config take it\n";
+    std::cout << out << " has it; gnomon lab --methods, gnomon replay --config and gnomon serve --maps take it\n";
     return 0;
 }
 

@@ -252,6 +252,7 @@ TEST(Service, RecordsWhatItIsAskedAndAnswers) {
             ASSERT_TRUE(request.ParseFromString(entry.value()->message));
             if (requests++ == 0) {
                 EXPECT_EQ(request.open().world(), "streets");
+                EXPECT_EQ(request.open().guard_band(), 4u) << "and what the server made of what was left open";
             } else {
                 EXPECT_EQ(request.frame().SerializeAsString(), lifeFrame(requests - 2).SerializeAsString());
             }
@@ -300,6 +301,29 @@ TEST(Service, RecordsWhatItIsAskedAndAnswers) {
     EXPECT_EQ(differs.value().frames, 18u) << "it stops there";
     EXPECT_NE(differs.value().difference.find("frame 17, sequence 117"), std::string::npos) << differs.value().difference;
     EXPECT_NE(differs.value().difference.find("cascades[1].total.triangles"), std::string::npos) << differs.value().difference;
+}
+
+TEST(Service, WhatASessionLeavesOpenIsTheServersOwn) {
+    server::ServiceConfig config = serviceConfig();
+    config.maps.cascades = 2;
+    config.maps.side = 128;
+    config.maps.guardBand = 16;
+    config.maps.farDistance = 45;
+    const Running running(config);
+    server::Client client = running.client();
+    v1::OpenSession open;
+    open.set_world("streets");
+    const auto given = client.session(open);
+    ASSERT_TRUE(given);
+    const auto frame = given.value()->frame(lifeFrame(1));
+    ASSERT_TRUE(frame);
+    ASSERT_EQ(frame.value().cascades_size(), 2);
+    EXPECT_DOUBLE_EQ(frame.value().cascades(1).split(), 45);
+    EXPECT_EQ(frame.value().cascades(0).window_x() % 16, 0);
+    open.set_cascades(3);
+    const auto asked = client.session(open);
+    ASSERT_TRUE(asked);
+    EXPECT_EQ(asked.value()->frame(lifeFrame(1)).value().cascades_size(), 3) << "what it asks for is its own";
 }
 
 TEST(Service, MoreSessionsThanItServesAreRefusedUntilOneEnds) {
