@@ -106,7 +106,7 @@ uint8_t edgeAround(const RayStart& start, const LightSpace& light, bool shadowed
 }
 
 void traceTile(const TracedScene& scene, const Pinhole& pinhole, double farDistance, const LightSpace& light,
-               glm::ivec2 low, TruthFrame& frame) {
+               glm::ivec2 low, bool edges, TruthFrame& frame) {
     RTCIntersectContext context;
     rtcInitIntersectContext(&context);
     context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
@@ -148,7 +148,7 @@ void traceTile(const TracedScene& scene, const Pinhole& pinhole, double farDista
         if (!toSun.aimed(lane)) continue;
         const bool shadowed = toSun.blocked(lane);
         frame.states[pixels[lane]] = shadowed ? Sunlight::kShadowed : Sunlight::kLit;
-        frame.edges[pixels[lane]] = edgeAround(starts[lane], light, shadowed, scene.scene());
+        if (edges) frame.edges[pixels[lane]] = edgeAround(starts[lane], light, shadowed, scene.scene());
     }
 }
 
@@ -172,7 +172,7 @@ Result<Done> Truth::place(world::CasterId id, const world::Placement& placement)
 }
 void Truth::remove(world::CasterId id) { scene_->remove(id); }
 
-Result<TruthFrame> Truth::trace(const View& view, int width, int height, double farDistance, glm::dvec3 sun) {
+Result<TruthFrame> Truth::trace(const View& view, int width, int height, double farDistance, glm::dvec3 sun, bool edges) {
     const auto good = requireView(view, farDistance);
     if (!good) return good.error();
     if (std::min(width, height) < 1 || std::max(width, height) > kMostPixels)
@@ -193,7 +193,7 @@ Result<TruthFrame> Truth::trace(const View& view, int width, int height, double 
     const int across = (width + kTile - 1) / kTile, down = (height + kTile - 1) / kTile;
     tbb::parallel_for(0, across * down, [&](int tile) {
         const glm::ivec2 low = glm::ivec2(tile % across, tile / across) * kTile;
-        traceTile(*scene_, pinhole, farDistance, light.value(), low, frame);
+        traceTile(*scene_, pinhole, farDistance, light.value(), low, edges, frame);
     });
     return frame;
 }
@@ -273,6 +273,31 @@ Result<std::vector<float>> Truth::sunShares(const TruthFrame& frame, double angu
         shares[pixel] = static_cast<float>(seen) / static_cast<float>(directions);
     });
     return shares;
+}
+
+Result<std::vector<Sunlight>> Truth::lightAt(std::span<const glm::dvec3> points, glm::dvec3 sun, double start,
+                                             const glm::dvec3& near) {
+    if (!(start >= 0) || !traceable(start)) return usage("rays' start: not 0 to 1e9 m");
+    if (!traceable(near)) return usage("rays: the place to be exact at is not finite, or beyond 1e9 m");
+    for (size_t i = 0; i < points.size(); ++i)
+        if (!traceable(points[i])) return usage("point " + std::to_string(i) + ": not finite, or beyond 1e9 m");
+    const auto light = makeLightSpace(sun);
+    if (!light) return light.error();
+    const auto settled = scene_->settle(near);
+    if (!settled) return settled.error();
+
+    std::vector<Sunlight> states(points.size());
+    const glm::dvec3 toLight = -light.value().sun;
+    tbb::parallel_for(size_t(0), (points.size() + kPacket - 1) / kPacket, [&](size_t packet) {
+        const size_t first = packet * kPacket, count = std::min(kPacket, points.size() - first);
+        ShadowRays rays;
+        for (size_t lane = 0; lane < count; ++lane)
+            rays.aim(lane, points[first + lane] + start * toLight - scene_->anchor(), toLight);
+        rays.shoot(scene_->scene());
+        for (size_t lane = 0; lane < count; ++lane)
+            states[first + lane] = rays.blocked(lane) ? Sunlight::kShadowed : Sunlight::kLit;
+    });
+    return states;
 }
 
 }  // namespace culling

@@ -93,8 +93,10 @@ public:
 
     /// What a pinhole camera sees, one ray through each pixel's centre; the view's field of view is given.
     ///   farDistance  from the eye [m]: what lies beyond is sky
+    ///   edges        false: none are looked for, and most of the time is saved
     /// kUsage, naming it, for what is not finite or out of range, and as of `makeLightSpace`; kDevice.
-    world::Result<TruthFrame> trace(const View& view, int width, int height, double farDistance, glm::dvec3 sun);
+    world::Result<TruthFrame> trace(const View& view, int width, int height, double farDistance, glm::dvec3 sun,
+                                    bool edges = true);
 
     /// What became of points that were seen before: their state under `sun` as it is now, kSky for a point that the
     /// view does not see: outside of it or beyond the far distance, turned away, behind something, or on a caster that
@@ -110,6 +112,14 @@ public:
     ///   directions     the disk is cut into so many equal areas, one ray each; > 0
     /// The same directions for every pixel. kUsage for what is out of range; kDevice.
     world::Result<std::vector<float>> sunShares(const TruthFrame& frame, double angularRadius, int directions);
+
+    /// Whether the sun's light reaches points anywhere: kLit or kShadowed, in their order. Casters as of now.
+    ///   start  rays begin so far from their points, toward the sun [m], 0 or more: farther than the points may be off
+    ///          their surface
+    ///   near   where to be most exact, world [m]: single precision counts from there
+    /// kUsage for what is not finite or out of range, and as of `makeLightSpace`; kDevice.
+    world::Result<std::vector<Sunlight>> lightAt(std::span<const glm::dvec3> points, glm::dvec3 sun, double start,
+                                                 const glm::dvec3& near);
 
 private:
     explicit Truth(std::unique_ptr<TracedScene> scene);

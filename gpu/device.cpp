@@ -303,6 +303,7 @@ Result<std::unique_ptr<Device>> Device::create(const DeviceConfig& config) {
     auto impl = std::make_unique<Impl>();
     if (const auto made = makeInstance(*impl, config.validation); !made) return made.error();
     if (const auto picked = pickPhysical(*impl, config.nameContains); !picked) return picked.error();
+    impl->loseAfter = config.loseAfter;
     if (const auto made = makeDevice(*impl); !made) return made.error();
     readLimits(*impl);
     return std::unique_ptr<Device>(new Device(std::move(impl)));

@@ -15,6 +15,7 @@ enum class DepthFormat { kD32, kD16 };
 struct DeviceConfig {
     bool validation = false;   ///< core and synchronization validation; kNotFound without the layer
     std::string nameContains;  ///< pick the first device whose name contains this; empty: see below
+    uint64_t loseAfter = 0;    ///< for tests: after so many submissions the device counts as lost; 0: never
 };
 
 /// A device with a queue for graphics and compute, dynamic rendering, synchronization2, multi-draw-indirect,

@@ -27,6 +27,7 @@ struct Device::Impl {
     uint32_t queueFamily = 0;
     VkQueue queue = VK_NULL_HANDLE;
     std::mutex queueMutex;  ///< held around each vkQueueSubmit2: several maps may share the device
+    uint64_t submissions = 0, loseAfter = 0;  ///< under that lock; DeviceConfig::loseAfter
     Owner owner;
     std::string name, driver;
 

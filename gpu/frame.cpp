@@ -217,7 +217,8 @@ Result<Done> Frame::submit() {
     submit.pCommandBufferInfos = &commands;
     submitted_ = std::chrono::steady_clock::now();
     const std::lock_guard lock(device_->queueMutex);
-    const VkResult submitted = vkQueueSubmit2(device_->queue, 1, &submit, fence);
+    const bool lost = device_->loseAfter > 0 && ++device_->submissions > device_->loseAfter;
+    const VkResult submitted = lost ? VK_ERROR_DEVICE_LOST : vkQueueSubmit2(device_->queue, 1, &submit, fence);
     if (submitted != VK_SUCCESS) {
         undo();
         return refused(submitted, "vkQueueSubmit2", name_);

@@ -25,6 +25,7 @@ Error errorOf(const grpc::Status& status) {
             case StatusCode::NOT_FOUND: return ErrorCode::kNotFound;
             case StatusCode::DATA_LOSS: return ErrorCode::kBadData;
             case StatusCode::RESOURCE_EXHAUSTED: return ErrorCode::kLimit;
+            case StatusCode::INTERNAL: return ErrorCode::kDevice;
             default: return ErrorCode::kIo;
         }
     }();
@@ -106,6 +107,9 @@ Result<Client> Client::connect(const std::string& address, const std::optional<T
     }
     grpc::ChannelArguments arguments;
     arguments.SetMaxReceiveMessageSize(-1);
+    // Each client tries by itself, and soon: not as late as others that had no luck at the address.
+    arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+    arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
     auto impl = std::make_unique<Impl>();
     impl->channel = grpc::CreateCustomChannel(address, credentials, arguments);
     impl->stub = v1::Gnomon::NewStub(impl->channel);
@@ -156,12 +160,30 @@ Result<v1::QueryShadowReply> Client::query(const v1::QueryShadowRequest& request
     return reply;
 }
 
-Result<std::vector<v1::DepthTile>> Client::depthMap(const v1::GetDepthMapRequest& request) {
+Result<v1::ShadowMask> Client::mask(const v1::GetShadowMaskRequest& request) {
+    grpc::ClientContext context;
+    v1::ShadowMask reply;
+    if (const auto status = impl_->stub->GetShadowMask(&context, request, &reply); !status.ok()) return errorOf(status);
+    return reply;
+}
+
+Result<Done> Client::depthMap(const v1::GetDepthMapRequest& request, const std::function<bool(const v1::DepthTile&)>& take) {
     grpc::ClientContext context;
     const auto reader = impl_->stub->GetDepthMap(&context, request);
+    bool wanted = true;
+    for (v1::DepthTile tile; wanted && reader->Read(&tile);) wanted = take(tile);
+    if (!wanted) context.TryCancel();
+    if (const auto status = reader->Finish(); wanted && !status.ok()) return errorOf(status);
+    return Done{};
+}
+
+Result<std::vector<v1::DepthTile>> Client::depthMap(const v1::GetDepthMapRequest& request) {
     std::vector<v1::DepthTile> tiles;
-    for (v1::DepthTile tile; reader->Read(&tile);) tiles.push_back(std::move(tile));
-    if (const auto status = reader->Finish(); !status.ok()) return errorOf(status);
+    const auto done = depthMap(request, [&](const v1::DepthTile& tile) {
+        tiles.push_back(tile);
+        return true;
+    });
+    if (!done) return done.error();
     return tiles;
 }
 

@@ -1,6 +1,8 @@
 #include "server/http_server.h"
 
 #include <fcntl.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
 
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
@@ -308,22 +310,42 @@ void HttpServer::Impl::stop() {
     });
 }
 
-Result<std::unique_ptr<HttpServer>> HttpServer::start(LiveBoard& board, const HttpConfig& config) {
+Result<int> HttpServer::listen(const HttpConfig& config) {
     error_code error;
     const auto address = net::ip::make_address(config.address, error);
     if (error || !address.is_loopback())
         return Error{ErrorCode::kUsage, "HTTP address " + config.address +
                                             ": give 127.0.0.1 or ::1, and for other hosts a proxy with TLS before it"};
-    auto impl = std::make_unique<Impl>(board, config);
+    net::io_context io;
+    tcp::acceptor acceptor(io);
     const tcp::endpoint endpoint(address, config.port);
-    impl->acceptor.open(endpoint.protocol(), error);
-    if (!error) keepToProcess(impl->acceptor.native_handle());
-    if (!error) impl->acceptor.set_option(net::socket_base::reuse_address(true), error);
-    if (!error) impl->acceptor.bind(endpoint, error);
-    if (!error) impl->acceptor.listen(net::socket_base::max_listen_connections, error);
+    acceptor.open(endpoint.protocol(), error);
+    if (!error) keepToProcess(acceptor.native_handle());
+    if (!error) acceptor.set_option(net::socket_base::reuse_address(true), error);
+    if (!error) acceptor.bind(endpoint, error);
+    if (!error) acceptor.listen(net::socket_base::max_listen_connections, error);
+    const int socket = error ? -1 : acceptor.release(error);
     if (error)
         return Error{ErrorCode::kIo, "HTTP port " + std::to_string(config.port) + " of " + config.address + ": " +
                                          error.message() + "; give another one, or 0 for any", error.value()};
+    return socket;
+}
+
+uint16_t HttpServer::portOf(int socket) {
+    sockaddr_in6 address{};  // the port lies at the same place in both families
+    socklen_t size = sizeof address;
+    CHECK(::getsockname(socket, reinterpret_cast<sockaddr*>(&address), &size) == 0);
+    return ntohs(address.sin6_port);
+}
+
+Result<std::unique_ptr<HttpServer>> HttpServer::start(LiveBoard& board, const HttpConfig& config) {
+    const auto socket = config.socket >= 0 ? Result<int>(config.socket) : listen(config);
+    if (!socket) return socket.error();
+    auto impl = std::make_unique<Impl>(board, config);
+    error_code error;
+    const bool v6 = net::ip::make_address(config.address, error).is_v6();
+    impl->acceptor.assign(v6 ? tcp::v6() : tcp::v4(), socket.value(), error);
+    if (error) return Error{ErrorCode::kIo, "HTTP: the socket that was handed over: " + error.message(), error.value()};
     impl->port = impl->acceptor.local_endpoint().port();
     impl->accept();
     impl->tick();

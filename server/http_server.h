@@ -14,6 +14,7 @@ namespace server {
 struct HttpConfig {
     std::string address = "127.0.0.1";  ///< of this host alone: the port has neither TLS nor a login
     uint16_t port = 0;                  ///< 0: any that is free
+    int socket = -1;                    ///< what `listen` gave, taken over; instead of an address
     size_t connections = 128;           ///< at once; further ones are closed
     size_t watchers = 16;               ///< of them, streams of events; further ones are answered 503
     std::chrono::milliseconds patience{10000};  ///< for a whole request, and for a reader to take what it was sent
@@ -24,6 +25,9 @@ struct HttpConfig {
 /// most until then. Requests longer than 8 KiB are refused, and so is a Host that is not this one (DNS rebinding).
 class HttpServer {
 public:
+    /// A socket that listens, for another process to serve at; who comes before that waits. Errors as below.
+    static world::Result<int> listen(const HttpConfig& config);
+    static uint16_t portOf(int socket);
     /// `board` must outlive the server. kUsage for an address that is not a loopback one, kIo where the port cannot be had.
     static world::Result<std::unique_ptr<HttpServer>> start(LiveBoard& board, const HttpConfig& config = {});
     /// Takes no more connections, lets answers under way end for two seconds at most, and closes the rest.

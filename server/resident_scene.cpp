@@ -271,16 +271,21 @@ world::Result<world::Done> ResidentScene::requirePlaceable(const std::string& wh
     return world::Done{};
 }
 
+world::Result<world::Done> ResidentScene::requireTraits(const std::string& who, const ObjectTraits& traits) {
+    if (!std::isfinite(traits.margin) || traits.margin < 0)
+        return world::Error{world::ErrorCode::kUsage, who + ": its margin is not a length; give 0 m or more"};
+    if (traits.deforms && traits.atRest)
+        return world::Error{world::ErrorCode::kUsage, who + ": what deforms is never at rest; give one of the two"};
+    return world::Done{};
+}
+
 world::Result<ObjectId> ResidentScene::spawn(uint32_t mesh, const world::Placement& placement,
                                              const ObjectTraits& traits) {
     const std::string who = "spawn of mesh " + std::to_string(mesh);
     if (mesh >= store_.meshes().size())
         return world::Error{world::ErrorCode::kNotFound, who + ": the world has " +
                                                              std::to_string(store_.meshes().size()) + " meshes"};
-    if (!std::isfinite(traits.margin) || traits.margin < 0)
-        return world::Error{world::ErrorCode::kUsage, who + ": its margin is not a length; give 0 m or more"};
-    if (traits.deforms && traits.atRest)
-        return world::Error{world::ErrorCode::kUsage, who + ": what deforms is never at rest; give one of the two"};
+    if (auto good = requireTraits(who, traits); !good) return good.error();
     const auto slot = pinnedMesh(mesh);
     if (!slot) return slot.error();
     if (auto fits = requirePlaceable(who, *table_.mesh(slot.value()).mesh, placement, traits.margin); !fits)
@@ -304,6 +309,37 @@ world::Result<ObjectId> ResidentScene::spawn(uint32_t mesh, const world::Placeme
     }
     objects_.emplace(nextObject_, object);
     return nextObject_++;
+}
+
+world::Result<world::Done> ResidentScene::mark(ObjectId number, const ObjectTraits& traits) {
+    if (auto object = living(number); !object) return object.error();
+    Object& object = objects_.at(number);
+    const world::CasterId id = object.caster;
+    const std::string who = "object " + std::to_string(number);
+    const float margin = traits.atRest ? 0 : traits.margin;
+    if (auto good = requireTraits(who, traits); !good) return good.error();
+    if (auto fits = requirePlaceable(who, table_.meshOf(id), table_[id].placement, margin); !fits) return fits.error();
+    const bool rests = table_[id].state == world::CasterState::kStatic;
+    object.deforms = traits.deforms;
+    if (rests && !traits.deforms && table_[id].margin == margin) return world::Done{};
+    if (rests) {
+        leaveStatics(id, cache::Cause::kDemotion);
+        table_.setState(id, world::CasterState::kActive);
+    } else {
+        dirtyActive(id);
+        sets_.forget(id);
+        std::erase(spawned_, id);
+    }
+    table_.setMargin(id, margin);
+    if (traits.atRest) {
+        settleAsStatic(id);
+        return world::Done{};
+    }
+    placeActive(id);
+    dirtyActive(id);
+    if (traits.deforms) sets_.keepActive(id);
+    else spawned_.push_back(id);
+    return uploadLevels(shown().light, id);
 }
 
 void ResidentScene::leaveStatics(world::CasterId id, cache::Cause cause) {
@@ -369,11 +405,15 @@ void ResidentScene::moveObjects(double time, std::span<const ObjectUpdate> updat
 void ResidentScene::promote(double time) {
     for (world::CasterId id : sets_.promote(time)) {
         dirtyActive(id);
-        table_.setState(id, world::CasterState::kStatic);
-        placeStatic(id);
-        statics_.insert(id, table_[id].bounds);
-        arrivals_.push_back({id, cache::Cause::kPromotion});
+        settleAsStatic(id);
     }
+}
+
+void ResidentScene::settleAsStatic(world::CasterId id) {
+    table_.setState(id, world::CasterState::kStatic);
+    placeStatic(id);
+    statics_.insert(id, table_[id].bounds);
+    arrivals_.push_back({id, cache::Cause::kPromotion});
 }
 
 void ResidentScene::startOcclusion() {

@@ -28,12 +28,12 @@ namespace server {
 /// An object that a client owns; given out by `adopt` and `spawn`, from 0, never twice.
 using ObjectId = uint64_t;
 
-/// What a client says of an object when it makes it.
+/// What a client says of an object, when it makes it or later.
 struct ObjectTraits {
     /// Its shape changes: it stays active, and each update dirties its bounds even where it stands.
     bool deforms = false;
     float margin = 0;  ///< how far its shape may reach beyond its mesh [m], 0 or more
-    bool atRest = false;  ///< static from the start: it will not move soon
+    bool atRest = false;  ///< static from now on, without a margin: it will not move soon
 };
 
 struct ObjectUpdate {
@@ -92,6 +92,7 @@ public:
     const world::Placement& restPlacement(ObjectId object) const { return living(object).value()->rest; }
     /// See ShadowSystem.
     world::Result<ObjectId> spawn(uint32_t mesh, const world::Placement& placement, const ObjectTraits& traits);
+    world::Result<world::Done> mark(ObjectId object, const ObjectTraits& traits);
     world::Result<world::Done> remove(ObjectId object);
     world::Result<world::Done> requireMove(const ObjectUpdate& update) const;
 
@@ -175,6 +176,8 @@ private:
     void moveObjects(double time, std::span<const ObjectUpdate> updates, SceneChanges& changes);
     /// kNotFound says whether it was removed or never was.
     world::Result<const Object*> living(ObjectId object) const;
+    /// A margin of 0 or more, and not both of what excludes the other.
+    static world::Result<world::Done> requireTraits(const std::string& who, const ObjectTraits& traits);
     /// A placement that the maps can hold: finite, and not beyond kFarthest.
     world::Result<world::Done> requirePlaceable(const std::string& who, const world::Mesh& mesh,
                                                 const world::Placement& placement, float margin) const;
@@ -183,6 +186,8 @@ private:
     void leaveStatics(world::CasterId caster, cache::Cause cause);
     size_t revoke(std::span<const world::CasterId> casters);
     void promote(double time);
+    /// Puts an active caster that has left the active set among the statics.
+    void settleAsStatic(world::CasterId caster);
     world::Result<world::Done> stream(double time, std::span<const Eye> eyes, SceneChanges& changes);
     void dropChunk(world::ChunkKey key);
     world::Result<world::Done> addChunk(std::shared_ptr<const world::Chunk> chunk);

@@ -3,12 +3,9 @@
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/grpcpp.h>
 #include <sys/random.h>
-#include <zstd.h>
 
 #include <algorithm>
 #include <atomic>
-#include <bit>
-#include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <thread>
@@ -16,9 +13,8 @@
 
 #include "server/gnomon.grpc.pb.h"
 #include "server/recording.h"
+#include "server/session.h"
 #include "server/session_stream.h"
-#include "server/stopwatch.h"
-#include "server/turns.h"
 
 namespace server {
 
@@ -36,7 +32,6 @@ using Clock = std::chrono::steady_clock;
 
 /// Of a watch over idle sessions and replies that nobody reads.
 constexpr auto kWatchPeriod = std::chrono::milliseconds(100);
-constexpr int kZstdLevel = 1;  // depths of a frame are read once
 
 Status statusOf(const Error& error) {
     switch (error.code) {
@@ -44,7 +39,7 @@ Status statusOf(const Error& error) {
         case ErrorCode::kNotFound: return {StatusCode::NOT_FOUND, error.what};
         case ErrorCode::kBadData: return {StatusCode::DATA_LOSS, error.what};
         case ErrorCode::kIo: return {StatusCode::UNAVAILABLE, error.what};
-        case ErrorCode::kDevice: return {StatusCode::UNAVAILABLE, error.what};
+        case ErrorCode::kDevice: return {StatusCode::INTERNAL, error.what};
         case ErrorCode::kLimit: return {StatusCode::RESOURCE_EXHAUSTED, error.what};
     }
     return {StatusCode::INTERNAL, error.what};
@@ -88,16 +83,34 @@ struct Live {
     SessionStream stream;
     uint64_t number = 0;
     std::string secret;
-    std::shared_ptr<const OpenedWorld> world;
-    std::unique_ptr<server::Session> session;  ///< used in a turn, or not at all; null until it is open, and again at its end
+    std::shared_ptr<HostedSession> session;  ///< under the service's lock; null until it is open, and again at its end
+    uint64_t drawn = 0;  ///< frames; of the session's thread
     bool gone = false;  ///< gRPC has let go of the stream
+};
+
+/// A session's recording, if it has one.
+struct Recorder {
+    /// A session that cannot be recorded ends: a recording that has a hole is worse than one that ends.
+    Status keep(EntryKind kind, const google::protobuf::MessageLite& message) {
+        if (!writer) return Status::OK;
+        const auto kept = writer->add(kind, message.SerializeAsString());
+        if (kept) return Status::OK;
+        return {StatusCode::RESOURCE_EXHAUSTED, "recording " + std::filesystem::path(writer->path()).filename().string() + ": " +
+                                                    std::strerror(kept.error().native)};
+    }
+    ~Recorder() {
+        std::error_code gone;
+        if (writer && temporary) std::filesystem::remove(writer->path(), gone);
+    }
+    std::optional<RecordingWriter> writer;
+    bool temporary = false;  ///< not needed beyond the session
 };
 
 }  // namespace
 
 struct Service::Impl final : v1::Gnomon::WithCallbackMethod_Session<v1::Gnomon::Service> {
-    Impl(gpu::Device& d, const ServiceConfig& c, std::function<void(const ServiceEvent&)> e)
-        : device(d), config(c), onEvent(std::move(e)) {}
+    Impl(SessionHost& h, const ServiceConfig& c, std::function<void(const ServiceEvent&)> e)
+        : host(h), config(c), onEvent(std::move(e)) {}
 
     void tell(const ServiceEvent& event) {
         const std::lock_guard lock(eventMutex);
@@ -105,16 +118,16 @@ struct Service::Impl final : v1::Gnomon::WithCallbackMethod_Session<v1::Gnomon::
     }
 
     Status ListWorlds(grpc::ServerContext*, const v1::ListWorldsRequest*, v1::ListWorldsReply* reply) override {
-        const auto names = worlds->names();
+        const auto names = host.worlds();
         if (!names) return statusOf(names.error());
         for (const std::string& name : names.value()) reply->add_names(name);
         return Status::OK;
     }
 
     Status OpenWorld(grpc::ServerContext*, const v1::OpenWorldRequest* request, v1::WorldInfo* reply) override {
-        const auto world = worlds->open(request->name());
+        auto world = host.openWorld(request->name());
         if (!world) return statusOf(world.error());
-        *reply = describe(*world.value());
+        *reply = std::move(world.value());
         return Status::OK;
     }
 
@@ -151,136 +164,48 @@ struct Service::Impl final : v1::Gnomon::WithCallbackMethod_Session<v1::Gnomon::
     Status serve(Live& live) {
         Status status = run(live);
         if (const Status verdict = live.stream.verdict(); !verdict.ok()) status = verdict;
-        uint64_t drawn = 0;
+        std::shared_ptr<HostedSession> session;  // ends after the lock
         {
-            const Turns::Turn turn(turns);
-            if (live.session) drawn = live.session->frames();
-            live.session.reset();
+            const std::lock_guard lock(mutex);
+            session = std::move(live.session);
         }
-        tell({"ended", live.number, status.ok() ? "by the client" : status.error_message(), drawn});
+        session.reset();
+        tell({"ended", live.number, status.ok() ? "by the client" : status.error_message(), live.drawn});
         return status;
     }
 
     Status QueryShadow(grpc::ServerContext*, const v1::QueryShadowRequest* request, v1::QueryShadowReply* reply) override {
-        if (request->points().size() % 24 != 0)
-            return {StatusCode::INVALID_ARGUMENT, "points: give 24 bytes each, x, y and z as doubles"};
-        const size_t count = request->points().size() / 24;
-        if (count > config.queryPoints)
-            return statusOf({ErrorCode::kLimit, "points: " + std::to_string(count) + "; ask for at most " + std::to_string(config.queryPoints) + " at once"});
-        if (!request->normals().empty() && request->normals().size() != count * 12)
-            return {StatusCode::INVALID_ARGUMENT, "normals: give 12 bytes a point, x, y and z as floats, or none"};
-        std::vector<glm::dvec3> points(count);
-        std::memcpy(points.data(), request->points().data(), request->points().size());
-        for (size_t i = 0; !request->normals().empty() && i < count; ++i) {
-            glm::vec3 normal;
-            std::memcpy(&normal, request->normals().data() + i * 12, 12);
-            points[i] += glm::dvec3(normal) * request->normal_offset();
-        }
-        for (const glm::dvec3& p : points)
-            if (!std::isfinite(p.x + p.y + p.z)) return {StatusCode::INVALID_ARGUMENT, "points: one is not finite; give metres"};
-        LookupBias bias;
-        if (request->bias_texels() != 0) bias.texels = request->bias_texels();
-        if (request->bias_metres() != 0) bias.metres = request->bias_metres();
-        if (!std::isfinite(bias.texels) || !std::isfinite(bias.metres)) return {StatusCode::INVALID_ARGUMENT, "bias: not finite"};
+        return answer(request->session(), [&](HostedSession& session) { return moved(session.query(*request), *reply); });
+    }
 
-        const auto live = find(request->session());
-        if (!live) return statusOf(live.error());
-        std::vector<PointAnswer> answers;
-        {
-            const Turns::Turn turn(turns);
-            if (const auto ready = drawn(*live.value()); !ready) return statusOf(ready.error());
-            server::Session& session = *live.value()->session;
-            if (request->camera() >= uint32_t(session.system().config().cameras))
-                return {StatusCode::INVALID_ARGUMENT, "camera: the session has " + std::to_string(session.system().config().cameras)};
-            auto found = session.system().lookup(points, bias, int(request->camera()));
-            if (!found) return statusOf(found.error());
-            answers = std::move(found.value());
-            reply->set_frame(session.frames() - 1);
-        }
-        std::string &light = *reply->mutable_light(), &cascade = *reply->mutable_cascade(), &flags = *reply->mutable_flags();
-        for (std::string* bytes : {&light, &cascade, &flags}) bytes->resize(count);
-        for (size_t i = 0; i < count; ++i) {
-            light[i] = char(answers[i].light == Light::kLit ? v1::LIT : answers[i].light == Light::kShadowed ? v1::SHADOWED : v1::UNKNOWN);
-            cascade[i] = char(answers[i].cascade);
-            flags[i] = char((answers[i].fell ? 1 : 0) | (answers[i].stale ? 2 : 0));
-        }
-        return Status::OK;
+    Status GetShadowMask(grpc::ServerContext*, const v1::GetShadowMaskRequest* request, v1::ShadowMask* reply) override {
+        return answer(request->session(), [&](HostedSession& session) { return moved(session.mask(*request), *reply); });
     }
 
     Status GetDepthMap(grpc::ServerContext*, const v1::GetDepthMapRequest* request,
                        grpc::ServerWriter<v1::DepthTile>* writer) override {
-        const uint32_t tile = request->tile() == 0 ? 256 : request->tile();
-        if (!std::has_single_bit(tile) || tile < 16 || tile > 1024)
-            return {StatusCode::INVALID_ARGUMENT, "tile: give a power of two from 16 to 1024 texels"};
-        const auto live = find(request->session());
-        if (!live) return statusOf(live.error());
-        std::vector<float> depths;
-        v1::DepthTile answer;
-        uint32_t side = 0;
+        return answer(request->session(), [&](HostedSession& session) {
+            return session.depthMap(*request, [&](const v1::DepthTile& tile) { return writer->Write(tile); });
+        });
+    }
+
+    /// What an open session says.
+    Status answer(const std::string& name, const std::function<Result<Done>(HostedSession&)>& ask) {
+        std::shared_ptr<HostedSession> session;
         {
-            const Turns::Turn turn(turns);
-            if (const auto ready = drawn(*live.value()); !ready) return statusOf(ready.error());
-            server::Session& session = *live.value()->session;
-            if (request->cascade() >= uint32_t(session.system().cascades()))
-                return {StatusCode::INVALID_ARGUMENT, "cascade: the session has " + std::to_string(session.system().cascades())};
-            auto read = session.system().readMap(int(request->cascade()),
-                                                 request->working() ? gpu::MapKind::kWorking : gpu::MapKind::kCache);
-            if (!read) return statusOf(read.error());
-            depths = std::move(read.value());
-            *answer.mutable_cascade() = session.cascade(int(request->cascade()));
-            answer.set_frame(session.frames() - 1);
-            side = uint32_t(session.system().config().side);
+            const std::lock_guard lock(mutex);
+            const auto found = std::find_if(lives.begin(), lives.end(), [&](const auto& live) { return live->session && live->secret == name; });
+            if (found == lives.end()) return {StatusCode::NOT_FOUND, "session: none of that name is open; give what SessionOpened told"};
+            session = (*found)->session;
         }
-        std::vector<float> part;
-        for (uint32_t y = 0; y < side; y += tile)
-            for (uint32_t x = 0; x < side; x += tile) {
-                const uint32_t width = std::min(tile, side - x), height = std::min(tile, side - y);
-                part.clear();
-                for (uint32_t j = 0; j < height; ++j) {
-                    const auto row = depths.begin() + std::ptrdiff_t(size_t(y + j) * side + x);
-                    part.insert(part.end(), row, row + width);
-                }
-                answer.set_x(x);
-                answer.set_y(y);
-                answer.set_width(width);
-                answer.set_height(height);
-                std::string& bytes = *answer.mutable_depths();
-                const size_t raw = part.size() * sizeof(float);
-                if (request->zstd()) {
-                    bytes.resize(ZSTD_compressBound(raw));
-                    bytes.resize(ZSTD_compress(bytes.data(), bytes.size(), part.data(), raw, kZstdLevel));
-                } else {
-                    bytes.assign(reinterpret_cast<const char*>(part.data()), raw);
-                }
-                if (!writer->Write(answer)) return Status::CANCELLED;
-                answer.clear_cascade();
-            }
-        return Status::OK;
+        const auto answered = ask(*session);
+        return answered ? Status::OK : statusOf(answered.error());
     }
 
-    Result<std::shared_ptr<Live>> find(const std::string& name) {
-        const std::lock_guard lock(mutex);
-        const auto found = std::find_if(lives.begin(), lives.end(), [&](const auto& live) { return live->secret == name; });
-        if (found != lives.end()) return *found;
-        return Error{ErrorCode::kNotFound, "session: none of that name is open; give what SessionOpened told"};
-    }
-
-    /// Within a turn.
-    static Result<Done> drawn(const Live& live) {
-        if (!live.session) return Error{ErrorCode::kNotFound, "session: it has ended"};
-        if (live.session->frames() == 0) return Error{ErrorCode::kUsage, "session: it has drawn no frame yet; send one first"};
-        return Done{};
-    }
-
-    Result<Done> openSession(Live& live, const v1::OpenSession& request) {
-        auto world = worlds->open(request.world());
-        if (!world) return world.error();
-        live.world = std::move(world.value());
-        const Turns::Turn turn(turns);
-        auto session = server::Session::open(device, live.world->store, request, config.session);
-        if (!session) return session.error();
-        live.session = std::move(session.value());
-        if (config.board) live.session->show(config.board->open("session " + std::to_string(live.number), live.world->name));
+    template <class Message>
+    static Result<Done> moved(Result<Message>&& from, Message& to) {
+        if (!from) return from.error();
+        to = std::move(from.value());
         return Done{};
     }
 
@@ -289,23 +214,27 @@ struct Service::Impl final : v1::Gnomon::WithCallbackMethod_Session<v1::Gnomon::
         if (first.empty()) return {StatusCode::INVALID_ARGUMENT, "the stream ended before its session was opened"};
         if (!first.front().has_open()) return {StatusCode::INVALID_ARGUMENT, "the first request of a session opens it; give `open`"};
         fillDefaults(*first.front().mutable_open(), config.maps);  // and so it is recorded
-        if (const auto opened = openSession(live, first.front().open()); !opened) {
-            tell({"refused", live.number, opened.error().what, 0});
-            return statusOf(opened.error());
-        }
-        tell({"opened", live.number, live.world->name, 0});
         v1::SessionReply reply;
-        *reply.mutable_opened()->mutable_world() = describe(*live.world);
-        reply.mutable_opened()->set_resident_bytes(config.session.residentBytes);
-        reply.mutable_opened()->set_geometry_bytes(config.session.geometryBytes);
-        std::optional<RecordingWriter> recording;
-        if (!config.record.empty()) {
-            auto made = RecordingWriter::create(config.record + "/" + std::to_string(started) + "-" + std::to_string(live.number) + kRecordingEnding);
-            if (!made) return statusOf(made.error());
-            recording = std::move(made.value());
+        const std::string file = config.record.empty() ? "" : config.record + "/" + std::to_string(started) + "-" + std::to_string(live.number) + kRecordingEnding;
+        auto session = host.open(first.front().open(), live.number, file, *reply.mutable_opened());
+        if (!session) {
+            tell({"refused", live.number, session.error().what, 0});
+            return statusOf(session.error());
         }
-        if (const Status kept = keep(recording, EntryKind::kRequest, first.front()); !kept.ok()) return kept;
-        if (const Status kept = keep(recording, EntryKind::kReply, reply); !kept.ok()) return kept;
+        {
+            const std::lock_guard lock(mutex);
+            live.session = std::move(session.value());
+        }
+        tell({"opened", live.number, reply.opened().world().name(), 0});
+        Recorder recorder;
+        if (!file.empty()) {
+            auto made = RecordingWriter::create(file);
+            if (!made) return statusOf(made.error());
+            recorder.writer = std::move(made.value());
+            recorder.temporary = !config.keepRecordings;
+        }
+        if (const Status kept = recorder.keep(EntryKind::kRequest, first.front()); !kept.ok()) return kept;
+        if (const Status kept = recorder.keep(EntryKind::kReply, reply); !kept.ok()) return kept;
         reply.mutable_opened()->set_session(live.secret);
         if (!live.stream.write(reply)) return Status::CANCELLED;
         const bool latest = first.front().open().latest_pose_wins();
@@ -316,33 +245,16 @@ struct Service::Impl final : v1::Gnomon::WithCallbackMethod_Session<v1::Gnomon::
                 if (!request.has_frame()) return {StatusCode::INVALID_ARGUMENT, "after the first request of a session come frames; give `frame`"};
             v1::SessionRequest request = std::move(requests.front());
             for (size_t i = 1; i < requests.size(); ++i) mergeFrames(*request.mutable_frame(), std::move(*requests[i].mutable_frame()));
-            if (const Status kept = keep(recording, EntryKind::kRequest, request); !kept.ok()) return kept;
-            if (const auto frame = draw(live, request.frame(), *reply.mutable_frame()); !frame) return statusOf(frame.error());
+            if (const Status kept = recorder.keep(EntryKind::kRequest, request); !kept.ok()) return kept;
+            auto frame = live.session->frame(request.frame());
+            if (!frame) return statusOf(frame.error());
+            *reply.mutable_frame() = std::move(frame.value());
+            ++live.drawn;
+            framesDrawn.fetch_add(1, std::memory_order_relaxed);
             reply.mutable_frame()->set_answers(uint32_t(requests.size()));
-            if (const Status kept = keep(recording, EntryKind::kReply, reply); !kept.ok()) return kept;
+            if (const Status kept = recorder.keep(EntryKind::kReply, reply); !kept.ok()) return kept;
             if (!live.stream.write(reply)) return Status::CANCELLED;
         }
-    }
-
-    /// A session that cannot be recorded ends: a recording that has a hole is worse than one that ends.
-    static Status keep(std::optional<RecordingWriter>& recording, EntryKind kind, const google::protobuf::MessageLite& message) {
-        if (!recording) return Status::OK;
-        const auto kept = recording->add(kind, message.SerializeAsString());
-        if (kept) return Status::OK;
-        return {StatusCode::RESOURCE_EXHAUSTED, "recording " + std::filesystem::path(recording->path()).filename().string() + ": " +
-                                                    std::strerror(kept.error().native)};
-    }
-
-    Result<Done> draw(Live& live, const v1::Frame& request, v1::FrameReply& reply) {
-        const Stopwatch watch;
-        const Turns::Turn turn(turns);
-        const double waited = watch.ms();
-        auto frame = live.session->frame(request);
-        if (!frame) return frame.error();
-        reply = std::move(frame.value());
-        reply.mutable_times()->set_wait(waited);
-        framesDrawn.fetch_add(1, std::memory_order_relaxed);
-        return Done{};
     }
 
     /// Ends sessions that ask nothing, whose replies nobody reads, or that have no frame under way while the service
@@ -378,12 +290,10 @@ struct Service::Impl final : v1::Gnomon::WithCallbackMethod_Session<v1::Gnomon::
         }
     }
 
-    gpu::Device& device;
+    SessionHost& host;
     const ServiceConfig config;
     const std::function<void(const ServiceEvent&)> onEvent;
     std::mutex eventMutex;
-    std::unique_ptr<WorldFolder> worlds;
-    Turns turns;  ///< of whoever uses the device
     std::mutex mutex;
     std::condition_variable changed;
     std::vector<std::shared_ptr<Live>> lives;
@@ -401,15 +311,12 @@ Service::Service(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 
 Service::~Service() { stop(std::chrono::milliseconds(0)); }
 
-Result<std::unique_ptr<Service>> Service::start(gpu::Device& device, const ServiceConfig& config,
+Result<std::unique_ptr<Service>> Service::start(SessionHost& host, const ServiceConfig& config,
                                                 std::function<void(const ServiceEvent&)> onEvent) {
     if (config.sessions == 0 || config.messageBytes == 0 || config.waitingFrames == 0 || !(config.idleSeconds > 0) ||
         !(config.unreadSeconds > 0) || config.messageBytes > kLongestMessage)
         return Error{ErrorCode::kUsage, "limits of the service: give more than 0 of each, and messages of at most 256 MiB"};
-    auto impl = std::make_unique<Impl>(device, config, std::move(onEvent));
-    auto worlds = WorldFolder::create(config.worlds);
-    if (!worlds) return worlds.error();
-    impl->worlds = std::move(worlds.value());
+    auto impl = std::make_unique<Impl>(host, config, std::move(onEvent));
     if (!config.record.empty() && !std::filesystem::is_directory(config.record))
         return Error{ErrorCode::kNotFound, config.record + ": no folder; make the one that recordings go to"};
     const auto credentials = credentialsOf(config);
@@ -430,7 +337,6 @@ Result<std::unique_ptr<Service>> Service::start(gpu::Device& device, const Servi
     const size_t colon = config.listen.rfind(':');
     impl->address = config.listen.starts_with("unix:") ? config.listen : config.listen.substr(0, colon + 1) + std::to_string(port);
     impl->watcher = std::thread([i = impl.get()] { i->watch(); });
-    if (config.board) config.board->setReady(true);
     impl->tell({"listening", 0, impl->address, 0});
     return std::unique_ptr<Service>(new Service(std::move(impl)));
 }
@@ -447,7 +353,6 @@ uint64_t Service::frames() const { return impl_->framesDrawn.load(std::memory_or
 void Service::stop(std::chrono::milliseconds patience) {
     Impl& s = *impl_;
     if (!s.server) return;
-    if (s.config.board) s.config.board->setReady(false);
     {
         std::unique_lock lock(s.mutex);
         s.stopping = true;

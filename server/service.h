@@ -1,4 +1,4 @@
-// server/service.h — the gRPC front end: sessions of clients over worlds of one folder, on one device.
+// server/service.h — the gRPC front end: streams, limits, recordings and who may come; a host draws.
 #pragma once
 
 #include <chrono>
@@ -8,27 +8,24 @@
 #include <optional>
 #include <string>
 
-#include "gpu/device.h"
 #include "server/pem.h"
-#include "server/session.h"
+#include "server/session_host.h"
+#include "server/shadow_system.h"
 #include "world/result.h"
 
 namespace server {
 
 struct ServiceConfig {
-    std::string worlds;                       ///< folder of the worlds that are served
     std::string listen = "127.0.0.1:50471";   ///< HOST:PORT, port 0: any; or unix:PATH
     std::optional<TlsFiles> tls;              ///< required where `listen` is neither of this machine alone nor a Unix socket
     std::string record;                       ///< folder for a recording of each session; empty: none
+    bool keepRecordings = true;               ///< false: each is removed when its session ends
     size_t sessions = 64;                     ///< at the same time, > 0
     size_t messageBytes = 64u << 20;          ///< of one request, > 0
-    size_t queryPoints = 1'000'000;           ///< of one QueryShadow
     size_t waitingFrames = 64;                ///< that become one where the latest pose wins, > 0
     double idleSeconds = 600;                 ///< without a request a session ends, > 0
     double unreadSeconds = 30;                ///< so long may a reply wait for its reader, > 0
-    SessionLimits session;
     ShadowConfig maps;                        ///< what a session's request leaves open is as here
-    LiveBoard* board = nullptr;               ///< sessions publish their frames there; outlives the service
 };
 
 /// Something worth a line in a log: a session opened, ended, was refused.
@@ -39,13 +36,12 @@ struct ServiceEvent {
     uint64_t frames = 0;
 };
 
-/// Serves until it is stopped. gRPC's threads run sessions, one frame at a time on the whole device, in turns. Any thread
-/// may call what is below. `onEvent` comes from any of them, one call at a time.
+/// Serves until it is stopped. Each session has a thread. Any thread may call what is below. `onEvent` comes from any of them, one call at a time.
 class Service {
 public:
-    /// `device` must outlive it. kUsage for an address that others reach without TLS, kIo for one that cannot be had,
+    /// `host` must outlive it. kUsage for an address that others reach without TLS, kIo for one that cannot be had,
     /// kNotFound and kIo for files and folders.
-    static world::Result<std::unique_ptr<Service>> start(gpu::Device& device, const ServiceConfig& config,
+    static world::Result<std::unique_ptr<Service>> start(SessionHost& host, const ServiceConfig& config,
                                                          std::function<void(const ServiceEvent&)> onEvent);
     /// Stops, without waiting for frames to be asked.
     ~Service();

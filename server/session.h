@@ -10,18 +10,25 @@
 #include <utility>
 #include <vector>
 
+#include "culling/truth.h"
 #include "server/live_board.h"
 #include "server/shadow_system.h"
 #include "server/world_folder.h"
 #include "world/result.h"
 
 namespace gnomon::v1 {
+class Cascade;
 class Frame;
 class FrameReply;
-class OpenSession;
-class WorldInfo;
-class Cascade;
+class GetDepthMapRequest;
+class GetShadowMaskRequest;
 class ObjectUpdate;
+class OpenSession;
+class QueryShadowReply;
+class QueryShadowRequest;
+class ShadowMask;
+class SpotUpdate;
+class WorldInfo;
 }  // namespace gnomon::v1
 
 namespace server {
@@ -31,7 +38,9 @@ struct SessionLimits {
     size_t objects = 100'000;      ///< adopted or spawned at the same time
     size_t updates = 200'000;      ///< of objects, in one frame
     size_t edits = 256;            ///< of the ground, in one frame
-    uint64_t mapBytes = 1ull << 30;       ///< of all cascades' maps
+    size_t spots = 256;            ///< updates of spot lights, in one frame
+    size_t queryPoints = 1'000'000;  ///< of one question
+    uint64_t mapBytes = 1ull << 30;       ///< of all maps, those of spot lights too
     uint64_t residentBytes = 1ull << 30;  ///< decoded chunks and meshes
     uint64_t geometryBytes = 256ull << 20;
 };
@@ -54,6 +63,18 @@ public:
     /// Each further frame is published there.
     void show(LiveSession live) { live_.emplace(std::move(live)); }
 
+    /// Questions about the last frame. kUsage where there was none and for fields that cannot be, kLimit for more points
+    /// or pixels than are answered at once, kNotFound for spot lights, kDevice.
+    world::Result<gnomon::v1::QueryShadowReply> query(const gnomon::v1::QueryShadowRequest& request);
+    world::Result<gnomon::v1::ShadowMask> mask(const gnomon::v1::GetShadowMaskRequest& request);
+    /// A map, to be cut into tiles.
+    struct DepthMap {
+        std::vector<float> depths;  ///< row by row, in stored order
+        int side = 0;
+        int cascade = -1;  ///< or -1: a spot light's
+    };
+    world::Result<DepthMap> depthMap(const gnomon::v1::GetDepthMapRequest& request);
+
     /// One cascade's committed state, as in a reply, without counts. CHECKs that a frame was drawn and the number exists.
     gnomon::v1::Cascade cascade(int number) const;
 
@@ -65,12 +86,29 @@ public:
 private:
     explicit Session(std::unique_ptr<ShadowSystem> system, const SessionLimits& limits);
     world::Result<world::Done> update(const gnomon::v1::ObjectUpdate& update);
+    world::Result<world::Done> update(const gnomon::v1::SpotUpdate& update);
+    world::Result<SpotId> spotOf(uint64_t number) const;
+    /// What the request wants and reports do not tell.
+    world::Result<world::Done> tellWanted(const gnomon::v1::Frame& request, gnomon::v1::FrameReply& reply);
+    world::Result<world::Done> requireFrame() const;
+    /// The casters of the last frame, for rays.
+    world::Result<culling::Truth*> rays();
+
+    struct Spot {
+        uint64_t number = 0;  ///< the client's
+        SpotId id = 0;
+        uint64_t bytes = 0;
+    };
 
     std::unique_ptr<ShadowSystem> system_;
     SessionLimits limits_;
     std::unordered_map<uint64_t, ObjectId> objects_;  ///< by the client's number
+    std::vector<Spot> spots_;  ///< ascending by id
+    uint64_t mapBytes_ = 0;    ///< of all maps
     std::vector<ObjectUpdate> moves_;                 ///< of the frame that is being made
     FrameReport report_;
+    std::vector<Camera> cameras_;  ///< of the last frame
+    std::unique_ptr<culling::Truth> rays_;  ///< of its casters; null until it is asked for
     std::optional<LiveSession> live_;
     uint64_t frames_ = 0;
 };

@@ -62,7 +62,7 @@ Result<SessionReplay> replaySession(gpu::Device& device, WorldFolder& worlds, co
         return Error{ErrorCode::kBadData, recording + ": world " + world.value()->name + " has other content than when it was recorded; give the folder with that one"};
     SessionLimits limits;
     limits.mapBytes = UINT64_MAX;
-    limits.objects = limits.updates = limits.edits = SIZE_MAX;
+    limits.objects = limits.updates = limits.edits = limits.spots = SIZE_MAX;
     limits.residentBytes = was.resident_bytes();
     limits.geometryBytes = was.geometry_bytes();
     const auto session = Session::open(device, world.value()->store, open.value()->open(), limits);

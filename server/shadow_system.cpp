@@ -156,6 +156,10 @@ Result<ObjectId> ShadowSystem::spawn(uint32_t mesh, const world::Placement& plac
     return impl_->scene.spawn(mesh, placement, traits);
 }
 
+Result<world::Done> ShadowSystem::mark(ObjectId object, const ObjectTraits& traits) {
+    return impl_->scene.mark(object, traits);
+}
+
 Result<world::Done> ShadowSystem::remove(ObjectId object) { return impl_->scene.remove(object); }
 
 Result<world::Done> ShadowSystem::requireMove(const ObjectUpdate& update) const {
@@ -364,6 +368,8 @@ std::vector<cache::TexelRect> ShadowSystem::activeRects(int cascade, size_t most
     }
     return rects;
 }
+
+const world::CasterTable& ShadowSystem::casters() const { return impl_->scene.casters(); }
 
 double ShadowSystem::chunkSize() const { return impl_->store.header().chunkSize; }
 

@@ -182,6 +182,10 @@ public:
     /// rests. `mesh` is a row of the world. kNotFound for a mesh that the world does not have; kUsage and
     /// kLimit for a placement that is not finite or reaches beyond 1e8 m; then nothing changed.
     world::Result<ObjectId> spawn(uint32_t mesh, const world::Placement& placement, const ObjectTraits& traits = {});
+    /// Says anew what an object is: at rest, deforming, or neither, and then it is active until it has rested. From the
+    /// next frame on. kNotFound as below, kUsage and kLimit as above: then nothing changed. kLimit and kDevice where a
+    /// level of detail that its new bounds draw cannot be uploaded.
+    world::Result<world::Done> mark(ObjectId object, const ObjectTraits& traits);
     /// Takes the object out of the world for good, from the next frame on. kNotFound for an object that
     /// does not exist or was removed already.
     world::Result<world::Done> remove(ObjectId object);
@@ -260,6 +264,8 @@ public:
     /// Texels of a cascade's window that active casters may cover: one rectangle each, by caster, of the first `most`
     /// that show there.
     std::vector<cache::TexelRect> activeRects(int cascade, size_t most) const;
+    /// All casters in memory, as the last frame left them; until the next call that changes something.
+    const world::CasterTable& casters() const;
     /// All chunks that are not away, by key.
     std::vector<ChunkPlace> chunks() const;
     double chunkSize() const;  ///< edge of a chunk [m]

@@ -9,7 +9,7 @@
 #include <optional>
 #include <utility>
 
-#include "cache/lattice.h"
+#include "server/cascade_images.h"
 #include "tools/replay.h"
 
 namespace tools {
@@ -92,19 +92,6 @@ std::vector<uint8_t> coverage(std::span<const cache::StoreRect> rects, int side)
 }
 
 }  // namespace
-
-std::vector<float> unwrap(std::span<const float> stored, int side, cache::Texel window) {
-    CHECK(stored.size() == size_t(side) * size_t(side));
-    std::vector<float> image(stored.size());
-    // Each row is stored as two runs: from the window's first column to the map's edge, then the rest.
-    const cache::Lattice lattice{.texel = 1, .side = side};
-    for (int y = 0; y < side; ++y) {
-        const cache::Texel first = lattice.slot(window + cache::Texel(0, y));
-        const auto row = stored.begin() + first.y * side;
-        std::rotate_copy(row, row + first.x, row + side, image.begin() + ptrdiff_t(y) * side);
-    }
-    return image;
-}
 
 RgbImage scrollPicture(const ScrollMaps& maps) {
     const int side = maps.side;
@@ -218,7 +205,7 @@ world::Result<world::Done> Dump::after(server::ShadowSystem& system, const Repla
         else
             done = png.error();
         if (done)
-            done = writeDepthPng(unwrap(working[c], side, statistics.window), side, path + "_depth.png");
+            done = writeDepthPng(server::unwrap(working[c], side, statistics.window), side, path + "_depth.png");
         if (!done) errors[c] = done.error();
     });
     for (const auto& error : errors)

@@ -15,10 +15,6 @@ namespace tools {
 
 struct ReplayFrame;
 
-/// A map in the order of its window: pixel (x, y) is lattice texel window + (x, y), which is stored
-/// at that sum modulo `side` on each axis. `stored` has side * side values.
-std::vector<float> unwrap(std::span<const float> stored, int side, cache::Texel window);
-
 /// One cascade's cache map around one frame; all maps in stored order, side * side values.
 struct ScrollMaps {
     int side = 0;                               ///< [texels]

@@ -2,15 +2,25 @@
 
 #include <CLI/CLI.hpp>
 
+#include <unistd.h>
+
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <ctime>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "server/http_server.h"
 #include "server/live_board.h"
+#include "server/local_host.h"
+#include "server/recording.h"
 #include "server/service.h"
+#include "server/worker_host.h"
+#include "server/world_folder.h"
 #include "tools/method_file.h"
 #include "tools/option_file.h"
 
@@ -23,6 +33,9 @@ using world::Result;
 
 struct ServeOptions {
     server::ServiceConfig service;
+    server::SessionLimits session;
+    std::string worlds;
+    std::string workerFor;  ///< address at which it draws for the process that started it; empty: it is that process
     server::TlsFiles tls;
     std::string config, maps;
     int httpPort = -1;  ///< -1: no page
@@ -47,19 +60,121 @@ void log(const server::ServiceEvent& event) {
     std::fflush(stdout);
 }
 
+constexpr double kNever = 1e9;           ///< [s]
+constexpr int kInheritedSocket = 3;      ///< WorkerConfig::inherited
+
 uint64_t bytesOf(double mebibytes) { return uint64_t(mebibytes * 1048576); }
+
+/// A folder of this process's own, gone with it.
+class RuntimeFolder {
+public:
+    RuntimeFolder() {
+        const char* at = std::getenv("XDG_RUNTIME_DIR");
+        path_ = (at && *at ? std::string(at) : std::filesystem::temp_directory_path().string()) + "/gnomon-XXXXXX";
+        if (!::mkdtemp(path_.data())) path_.clear();
+    }
+    ~RuntimeFolder() {
+        std::error_code gone;
+        if (!path_.empty()) std::filesystem::remove_all(path_, gone);
+    }
+    RuntimeFolder(const RuntimeFolder&) = delete;
+    RuntimeFolder& operator=(const RuntimeFolder&) = delete;
+    const std::string& path() const { return path_; }  ///< empty: it could not be made
+
+private:
+    std::string path_;
+};
+
+/// As this process was called.
+std::vector<std::string> ownCommandLine() {
+    std::ifstream file("/proc/self/cmdline", std::ios::binary);
+    const std::string all{std::istreambuf_iterator<char>(file), {}};
+    std::vector<std::string> words;
+    for (size_t at = 0; at < all.size();) {
+        const size_t end = std::min(all.find('\0', at), all.size());
+        words.push_back(all.substr(at, end - at));
+        at = end + 1;
+    }
+    return words;
+}
+
+/// The front end: takes clients, and has another process draw for them.
+Result<int> supervise(ServeOptions& options, const sigset_t& ends) {
+    const auto folder = server::WorldFolder::create(options.worlds);
+    if (!folder) return folder.error();
+    const RuntimeFolder runtime;
+    if (runtime.path().empty()) return Error{ErrorCode::kIo, "serve: no temporary folder can be made; set TMPDIR"};
+    server::WorkerConfig config;
+    config.address = "unix:" + runtime.path() + "/worker";
+    std::vector<std::string> words = ownCommandLine();
+    words.front() = "/proc/self/exe";
+    words.insert(words.end(), {"--worker-for", config.address});
+    config.command = [words](uint64_t) { return words; };
+    int page = 0;
+    if (options.httpPort >= 0) {
+        const auto listening = server::HttpServer::listen({.port = uint16_t(options.httpPort)});
+        if (!listening) return listening.error();
+        config.inherited = listening.value();
+        page = server::HttpServer::portOf(config.inherited);
+    }
+    const auto worker = server::Worker::start(config, [](const std::string& what) { log({"worker", 0, what, 0}); });
+    if (!worker) return worker.error();
+    const auto host = server::makeWorkerHost(*worker.value(), config.address, [](uint64_t session, const std::string& what) {
+        log({"worker", session, what, 0});
+    });
+    if (options.service.record.empty()) {
+        options.service.record = runtime.path();
+        options.service.keepRecordings = false;
+    }
+    const auto service = server::Service::start(*host, options.service, log);
+    if (!service) return service.error();
+    if (options.httpPort >= 0) log({"page", 0, "http://127.0.0.1:" + std::to_string(page) + "/", 0});
+    int signal = 0;
+    sigwait(&ends, &signal);
+    service.value()->stop(std::chrono::milliseconds(int64_t(options.stopSeconds * 1e3)));
+    return 0;
+}
+
+/// Draws for the process at the other end of standard input, until that ends.
+Result<int> work(ServeOptions& options) {
+    auto device = gpu::Device::create(options.device);
+    if (!device) return device.error();
+    server::LiveBoard board;
+    const auto host = server::makeLocalHost(*device.value(), options.worlds, options.session, &board);
+    if (!host) return host.error();
+    server::ServiceConfig config;  // who may ask what is the front end's to say
+    config.listen = options.workerFor;
+    config.sessions = 2 * options.service.sessions;
+    config.messageBytes = server::kLongestMessage;
+    config.idleSeconds = config.unreadSeconds = kNever;
+    config.maps = options.service.maps;
+    const auto service = server::Service::start(*host.value(), config, {});
+    if (!service) return service.error();
+    std::unique_ptr<server::HttpServer> http;
+    if (options.httpPort >= 0) {
+        auto started = server::HttpServer::start(board, {.socket = kInheritedSocket});
+        if (!started) return started.error();
+        http = std::move(started.value());
+    }
+    board.setReady(true);
+    char nothing;
+    while (::read(STDIN_FILENO, &nothing, 1) > 0) {}
+    board.setReady(false);
+    service.value()->stop(std::chrono::milliseconds(0));
+    return 0;
+}
 
 Result<int> runServe(ServeOptions& options, CLI::App& parser) {
     if (!options.config.empty())
         if (const auto read = readOptionFile(parser, options.config); !read) return read.error();
-    if (options.service.worlds.empty()) return Error{ErrorCode::kUsage, "serve: give --worlds, the folder of the worlds to serve"};
+    if (options.worlds.empty()) return Error{ErrorCode::kUsage, "serve: give --worlds, the folder of the worlds to serve"};
     const int tlsGiven = !options.tls.certificate.empty() + !options.tls.key.empty() + !options.tls.authority.empty();
     if (tlsGiven != 0 && tlsGiven != 3) return Error{ErrorCode::kUsage, "TLS: give all three of --tls-certificate, --tls-key and --tls-clients"};
     if (tlsGiven == 3) options.service.tls = options.tls;
     options.service.messageBytes = bytesOf(options.messageMiB);
-    options.service.session.residentBytes = bytesOf(options.residentMiB);
-    options.service.session.geometryBytes = bytesOf(options.geometryMiB);
-    options.service.session.mapBytes = bytesOf(options.mapMiB);
+    options.session.residentBytes = bytesOf(options.residentMiB);
+    options.session.geometryBytes = bytesOf(options.geometryMiB);
+    options.session.mapBytes = bytesOf(options.mapMiB);
 
     if (!options.maps.empty()) {
         const auto method = methodFromWord(options.maps);
@@ -73,24 +188,7 @@ Result<int> runServe(ServeOptions& options, CLI::App& parser) {
     for (const int signal : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&ends, signal);
     pthread_sigmask(SIG_BLOCK, &ends, nullptr);
     std::signal(SIGPIPE, SIG_IGN);
-
-    auto device = gpu::Device::create(options.device);
-    if (!device) return device.error();
-    server::LiveBoard board;
-    options.service.board = &board;
-    const auto service = server::Service::start(*device.value(), options.service, log);
-    if (!service) return service.error();
-    std::unique_ptr<server::HttpServer> http;
-    if (options.httpPort >= 0) {
-        auto started = server::HttpServer::start(board, {.port = uint16_t(options.httpPort)});
-        if (!started) return started.error();
-        http = std::move(started.value());
-        log({"page", 0, "http://127.0.0.1:" + std::to_string(http->port()) + "/", 0});
-    }
-    int signal = 0;
-    sigwait(&ends, &signal);
-    service.value()->stop(std::chrono::milliseconds(int64_t(options.stopSeconds * 1e3)));
-    return 0;
+    return options.workerFor.empty() ? supervise(options, ends) : work(options);
 }
 
 }  // namespace
@@ -100,7 +198,7 @@ Command addServeCommand(CLI::App& app) {
     CLI::App* parser = app.add_subcommand("serve", "Serve worlds to simulations over gRPC");
     const auto above = CLI::Range(1e-3, 1e9);
     parser->add_option("--config", options->config, "TOML file with any of these options as keys; the command line wins");
-    parser->add_option("--worlds", options->service.worlds, "folder whose NAME.world files are served");
+    parser->add_option("--worlds", options->worlds, "folder whose NAME.world files are served");
     parser->add_option("--listen", options->service.listen, "HOST:PORT, port 0 for any, or unix:PATH; beyond this machine with TLS only")->capture_default_str();
     parser->add_option("--tls-certificate", options->tls.certificate, "the server's certificate (PEM)");
     parser->add_option("--tls-key", options->tls.key, "its key (PEM)");
@@ -110,10 +208,11 @@ Command addServeCommand(CLI::App& app) {
         ->check(CLI::Range(0, 65535));
     parser->add_option("--record", options->service.record, "folder for a recording of each session; none by default");
     parser->add_option("--sessions", options->service.sessions, "open at the same time")->check(CLI::Range(1, 4096))->capture_default_str();
-    parser->add_option("--objects", options->service.session.objects, "that a session may have")->capture_default_str();
-    parser->add_option("--updates", options->service.session.updates, "of objects in one frame")->capture_default_str();
-    parser->add_option("--edits", options->service.session.edits, "of the ground in one frame")->capture_default_str();
-    parser->add_option("--query-points", options->service.queryPoints, "of one QueryShadow")->capture_default_str();
+    parser->add_option("--objects", options->session.objects, "that a session may have")->capture_default_str();
+    parser->add_option("--updates", options->session.updates, "of objects in one frame")->capture_default_str();
+    parser->add_option("--edits", options->session.edits, "of the ground in one frame")->capture_default_str();
+    parser->add_option("--spots", options->session.spots, "updates of spot lights in one frame")->capture_default_str();
+    parser->add_option("--query-points", options->session.queryPoints, "of one QueryShadow")->capture_default_str();
     parser->add_option("--message-mib", options->messageMiB, "longest request [MiB]")->check(CLI::Range(0.001, 256.0))->capture_default_str();
     parser->add_option("--map-mib", options->mapMiB, "shadow maps of a session [MiB]")->check(above)->capture_default_str();
     parser->add_option("--resident-mib", options->residentMiB, "chunks and meshes of a session [MiB]")->check(above)->capture_default_str();
@@ -121,6 +220,8 @@ Command addServeCommand(CLI::App& app) {
     parser->add_option("--idle-seconds", options->service.idleSeconds, "without a request a session ends [s]")->check(above)->capture_default_str();
     parser->add_option("--unread-seconds", options->service.unreadSeconds, "a reply waits for its reader [s]")->check(above)->capture_default_str();
     parser->add_option("--stop-seconds", options->stopSeconds, "a frame may go on after SIGTERM [s]")->check(CLI::Range(0.0, 3600.0))->capture_default_str();
+    parser->add_option("--worker-for", options->workerFor, "how the front end starts the process that draws")->group("");
+    parser->add_option("--lose-device-after", options->device.loseAfter, "for tests: submissions until the device counts as lost")->group("");
     parser->add_option("--device", options->device.nameContains, "use the first device whose name contains this");
     return {parser, [options, parser] { return runServe(*options, *parser); }};
 }

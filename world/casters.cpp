@@ -55,6 +55,11 @@ void CasterTable::setMesh(CasterId id, MeshSlot mesh) {
     place(id, casters_[id].placement);
 }
 
+void CasterTable::setMargin(CasterId id, float margin) {
+    casters_[id].margin = margin;
+    place(id, casters_[id].placement);
+}
+
 std::string CasterTable::describe(CasterId id) const {
     const CasterOrigin& o = casters_[id].origin;
     const std::string chunk = "chunk " + toString(o.chunk);

@@ -61,6 +61,7 @@ public:
     void remove(CasterId id);
     void place(CasterId id, const Placement& placement);  ///< updates the bounds too
     void setMesh(CasterId id, MeshSlot mesh);             ///< likewise
+    void setMargin(CasterId id, float margin);            ///< likewise
     void setState(CasterId id, CasterState state) { casters_[id].state = state; }
 
     const Caster& operator[](CasterId id) const { return casters_[id]; }

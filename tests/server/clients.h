@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "server/client.h"
+#include "server/local_host.h"
 #include "server/service.h"
 #include "tests/server/worlds.h"
 
@@ -28,16 +29,24 @@ inline const std::string& servedFolder() {
 
 inline server::ServiceConfig serviceConfig() {
     server::ServiceConfig config;
-    config.worlds = servedFolder();
     config.listen = "127.0.0.1:0";
-    config.session.geometryBytes = 16 << 20;
     return config;
+}
+
+/// Over that folder, on the tests' device.
+inline std::unique_ptr<server::SessionHost> localHost() {
+    server::SessionLimits limits;
+    limits.geometryBytes = 16 << 20;
+    auto made = server::makeLocalHost(validatedDevice(), servedFolder(), limits);
+    if (!made) throw std::runtime_error(made.error().what);
+    return std::move(made.value());
 }
 
 /// A running service and what it told.
 struct Running {
-    explicit Running(const server::ServiceConfig& config = serviceConfig()) {
-        auto started = server::Service::start(validatedDevice(), config, [this](const server::ServiceEvent& event) {
+    explicit Running(const server::ServiceConfig& config = serviceConfig(), std::unique_ptr<server::SessionHost> drawing = localHost())
+        : host(std::move(drawing)) {
+        auto started = server::Service::start(*host, config, [this](const server::ServiceEvent& event) {
             const std::lock_guard lock(mutex);
             events.push_back(event);
         });
@@ -63,6 +72,7 @@ struct Running {
 
     std::mutex mutex;
     std::vector<server::ServiceEvent> events;
+    std::unique_ptr<server::SessionHost> host;
     std::unique_ptr<server::Service> service;
 };
 
@@ -89,7 +99,7 @@ inline v1::Frame lifeFrame(uint64_t k) {
     frame.set_sequence(100 + k);
     frame.set_time(double(k) / 30);
     put(frame.add_cameras()->mutable_position(), {k < 30 ? 0.4 * double(k) : -30 + 0.1 * double(k), 2, 0.1 * double(k)});
-    frame.set_hashes(k % 5 == 0);
+    frame.mutable_wants()->set_hashes(k % 5 == 0);
     if (k == 1) {
         v1::ObjectUpdate* adopt = frame.add_objects();
         adopt->set_object(7);

@@ -270,7 +270,7 @@ TEST(Service, RecordsWhatItIsAskedAndAnswers) {
     EXPECT_EQ(answers, 31u);
     EXPECT_FALSE(reader.value().torn());
 
-    const auto worlds = server::WorldFolder::create(config.worlds);
+    const auto worlds = server::WorldFolder::create(tests::servedFolder());
     uint64_t frame = 0;
     const auto replay = server::replaySession(tests::validatedDevice(), *worlds.value(), files[0].string(), true, [&](const v1::FrameReply& reply) {
         v1::FrameReply told = reply;
@@ -432,10 +432,11 @@ TEST(Service, AStopLetsFramesEndAndTellsTheRest) {
 }
 
 TEST(Service, AddressesThatOthersReachNeedTls) {
+    const auto host = tests::localHost();
     server::ServiceConfig config = serviceConfig();
     for (const char* listen : {"0.0.0.0:0", "192.0.2.1:0", "[::]:0", "example.org:1"}) {
         config.listen = listen;
-        const auto refused = server::Service::start(tests::validatedDevice(), config, {});
+        const auto refused = server::Service::start(*host, config, {});
         ASSERT_FALSE(refused) << listen;
         EXPECT_NE(refused.error().what.find("mutual TLS"), std::string::npos) << refused.error().what;
     }
@@ -445,7 +446,7 @@ TEST(Service, AddressesThatOthersReachNeedTls) {
     const Running first;
     server::ServiceConfig second = serviceConfig();
     second.listen = first.service->address();
-    const auto taken = server::Service::start(tests::validatedDevice(), second, {});
+    const auto taken = server::Service::start(*host, second, {});
     ASSERT_FALSE(taken);
     EXPECT_NE(taken.error().what.find("cannot be had"), std::string::npos);
 }

@@ -2,6 +2,8 @@
 #include "server/session.h"
 
 #include "tests/server/clients.h"
+#include "tests/server/rays.h"
+#include "world/hash.h"
 
 namespace {
 
@@ -60,7 +62,7 @@ TEST(Session, DrawsWhatTheSameFramesDrawInASystem) {
             for (const v1::CauseCost& cause : cascade.causes()) texels += cause.cost().texels();
             EXPECT_EQ(texels, counted.total.texels);
             EXPECT_EQ(cascade.window_x(), direct.view(c).window.x);
-            if (request.hashes()) {
+            if (request.wants().hashes()) {
                 EXPECT_EQ(cascade.working_hash(), direct.mapHash(c, gpu::MapKind::kWorking).value()) << "frame " << k;
             }
         }
@@ -168,6 +170,255 @@ TEST(Session, LimitsAreNamed) {
     EXPECT_EQ(session->frame(frame).error().code, world::ErrorCode::kLimit);
 }
 
+v1::ObjectUpdate* updateOf(v1::Frame& frame, uint64_t object) {
+    v1::ObjectUpdate* update = frame.add_objects();
+    update->set_object(object);
+    return update;
+}
+
+TEST(Session, ObjectsBecomeStaticAndDeformingWhenTheyAreMarked) {
+    const auto session = open();
+    struct Seen {
+        uint64_t active = 0, promoted = 0, demoted = 0;
+    };
+    uint64_t k = 0;
+    const auto draw = [&](v1::Frame frame) {
+        const uint64_t number = k++;
+        frame.set_time(double(number) / 30);
+        tests::put(frame.add_cameras()->mutable_position(), {0, 2, 0});
+        const auto reply = session->frame(frame);
+        EXPECT_TRUE(reply) << reply.error().what;
+        EXPECT_EQ(reply.value().errors_size(), 0);
+        const auto verified = session->system().verify();
+        EXPECT_TRUE(verified);
+        EXPECT_EQ(verified.value().differing, 0u) << "frame " << number;
+        Seen seen;
+        for (const v1::Cascade& c : reply.value().cascades()) {
+            seen.active += c.active().triangles();
+            for (const v1::CauseCost& cause : c.causes()) {
+                seen.promoted += cause.cause() == "promotion" ? cause.cost().texels() : 0;
+                seen.demoted += cause.cause() == "demotion" ? cause.cost().texels() : 0;
+            }
+        }
+        return seen;
+    };
+    draw({});
+    v1::Frame frame;
+    tests::put(updateOf(frame, 1)->mutable_spawn()->mutable_placement()->mutable_translation(), {3, 8, 2});
+    EXPECT_GT(draw(frame).active, 0u);
+    frame.Clear();
+    updateOf(frame, 1)->mutable_mark()->set_at_rest(true);
+    EXPECT_GT(draw(frame).promoted, 0u) << "long before it has rested";
+    EXPECT_EQ(draw({}).active, 0u);
+    frame.Clear();
+    v1::Mark* mark = updateOf(frame, 1)->mutable_mark();
+    mark->set_deforms(true);
+    mark->set_margin(1);
+    EXPECT_GT(draw(frame).demoted, 0u);
+    for (int i = 0; i < 30; ++i) {  // twice as long as a rest
+        frame.Clear();
+        tests::put(updateOf(frame, 1)->mutable_move()->mutable_translation(), {3, 8, 2});
+        EXPECT_GT(draw(frame).active, 0u) << "what deforms is drawn anew where it stands";
+    }
+    frame.Clear();
+    updateOf(frame, 1)->mutable_mark();
+    draw(frame);
+    uint64_t promoted = 0;
+    for (int i = 0; i < 30; ++i) promoted += draw({}).promoted;
+    EXPECT_GT(promoted, 0u) << "an object like any other rests";
+    frame.Clear();
+    mark = updateOf(frame, 1)->mutable_mark();
+    mark->set_deforms(true);
+    mark->set_at_rest(true);
+    updateOf(frame, 2)->mutable_mark();
+    tests::put(frame.add_cameras()->mutable_position(), {0, 2, 0});
+    frame.set_time(100);
+    const auto refused = session->frame(frame);
+    ASSERT_TRUE(refused);
+    ASSERT_EQ(refused.value().errors_size(), 2);
+    EXPECT_EQ(refused.value().errors(0).code(), v1::USAGE);
+    EXPECT_EQ(refused.value().errors(1).code(), v1::NOT_FOUND);
+    tests::expectSilence();
+}
+
+TEST(Session, SpotLightsShineMoveAndGo) {
+    const auto session = open();
+    v1::Frame frame = lifeFrame(0);
+    const auto shine = [&](uint64_t number, glm::dvec3 position, uint32_t side) {
+        v1::SpotUpdate* update = frame.add_spots();
+        update->set_spot(number);
+        tests::put(update->mutable_shine()->mutable_position(), position);
+        tests::put(update->mutable_shine()->mutable_direction(), {0.2, -1, 0.1});
+        update->mutable_shine()->set_side(side);
+    };
+    shine(70, {0, 9, 0}, 128);
+    shine(5, {4, 9, 3}, 256);
+    frame.add_spots()->set_spot(6);
+    frame.add_spots()->set_spot(7);
+    frame.mutable_spots()->rbegin()->mutable_remove();
+    const auto first = session->frame(frame);
+    ASSERT_TRUE(first);
+    ASSERT_EQ(first.value().spots_size(), 2);
+    EXPECT_EQ(first.value().spots(0).spot(), 70u);
+    EXPECT_TRUE(first.value().spots(1).drawn());
+    EXPECT_EQ(first.value().spots(1).cause(), "start");
+    EXPECT_GT(first.value().spots(1).statics().triangles(), 0u);
+    EXPECT_EQ(first.value().spots(1).working_hash(),
+              world::hashValues(std::span<const float>(session->system().readSpotMap(1, gpu::MapKind::kWorking).value())));
+    ASSERT_EQ(first.value().errors_size(), 2);
+    for (int i = 0; i < 2; ++i) EXPECT_EQ(first.value().errors(i).kind(), v1::ItemError::SPOT);
+    EXPECT_EQ(first.value().errors(1).code(), v1::NOT_FOUND);
+
+    v1::QueryShadowRequest query;
+    std::vector<glm::dvec3> points;
+    for (int i = 0; i < 400; ++i) points.push_back({(i % 20) * 0.7 - 5, 0.1, (i / 20) * 0.7 - 5});
+    query.set_points(points.data(), points.size() * sizeof points[0]);
+    query.set_spot(5);
+    const auto answers = session->query(query);
+    ASSERT_TRUE(answers) << answers.error().what;
+    const auto expected = session->system().lookupSpot(1, points).value();
+    int counts[4] = {};
+    for (size_t i = 0; i < points.size(); ++i) {
+        const int light = answers.value().light()[i];
+        EXPECT_EQ(light, expected[i] == server::SpotAnswer::kLit       ? v1::LIT
+                         : expected[i] == server::SpotAnswer::kShadowed ? v1::SHADOWED
+                                                                        : v1::OUTSIDE);
+        ++counts[light];
+    }
+    EXPECT_GT(counts[v1::LIT], 20);
+    EXPECT_GT(counts[v1::SHADOWED], 5);
+    EXPECT_GT(counts[v1::OUTSIDE], 20);
+    query.set_by_rays(true);
+    EXPECT_EQ(session->query(query).error().code, world::ErrorCode::kUsage);
+    query.set_by_rays(false);
+    query.set_spot(6);
+    EXPECT_EQ(session->query(query).error().code, world::ErrorCode::kNotFound);
+    v1::GetDepthMapRequest map;
+    map.set_spot(5);
+    EXPECT_EQ(session->depthMap(map).value().depths, session->system().readSpotMap(1, gpu::MapKind::kCache).value());
+
+    frame = lifeFrame(1);
+    shine(70, {1, 9, 0}, 128);
+    frame.add_spots()->set_spot(5);
+    frame.mutable_spots()->rbegin()->mutable_remove();
+    const auto second = session->frame(frame);
+    ASSERT_TRUE(second);
+    ASSERT_EQ(second.value().spots_size(), 1);
+    EXPECT_EQ(second.value().spots(0).spot(), 70u);
+    EXPECT_GT(second.value().spots(0).statics().texels(), 0u) << "it moved";
+    EXPECT_EQ(session->frame(lifeFrame(2)).value().spots(0).statics().texels(), 0u);
+
+    server::SessionLimits limits;
+    limits.mapBytes = 3 * 256 * 256 * 8 + 128 * 128 * 8;
+    limits.spots = 2;
+    const auto small = open(openStreets(), limits);
+    frame = lifeFrame(0);
+    shine(1, {0, 9, 0}, 128);
+    shine(2, {0, 9, 0}, 128);
+    const auto limited = small->frame(frame);
+    ASSERT_TRUE(limited);
+    ASSERT_EQ(limited.value().errors_size(), 1);
+    EXPECT_EQ(limited.value().errors(0).code(), v1::LIMIT);
+    frame.add_spots();
+    EXPECT_EQ(small->frame(frame).error().code, world::ErrorCode::kLimit);
+    tests::expectSilence();
+}
+
+TEST(Session, TellsWhatIsWanted) {
+    const auto session = open();
+    v1::Frame frame = lifeFrame(0);
+    frame.mutable_wants()->set_whole_redraws(true);
+    frame.mutable_wants()->set_dearest_casters(3);
+    const auto reply = session->frame(frame);
+    ASSERT_TRUE(reply);
+    const server::RedrawCosts whole = session->system().redrawCosts();
+    for (int c = 0; c < 3; ++c) EXPECT_EQ(reply.value().cascades(c).whole().triangles(), whole[size_t(c)].triangles);
+    EXPECT_GT(whole[2].triangles, 0u);
+    ASSERT_EQ(reply.value().dearest_size(), 3);
+    EXPECT_GE(reply.value().dearest(0).triangles(), reply.value().dearest(2).triangles());
+    EXPECT_NE(reply.value().dearest(0).name(), "");
+    const auto quiet = session->frame(lifeFrame(1));
+    EXPECT_EQ(quiet.value().dearest_size(), 0);
+    EXPECT_FALSE(quiet.value().cascades(0).has_whole());
+}
+
+TEST(Session, RaysAnswerAsTheTrianglesDo) {
+    const auto session = open();
+    v1::QueryShadowRequest query;
+    query.set_by_rays(true);
+    EXPECT_EQ(session->query(query).error().code, world::ErrorCode::kUsage) << "no frame yet";
+    ASSERT_TRUE(session->frame(lifeFrame(0)));
+    std::vector<glm::dvec3> points;
+    for (int i = 0; i < 900; ++i) points.push_back({(i % 30) * 1.3 - 20, 0.1, (i / 30) * 1.3 - 20});
+    query.set_points(points.data(), points.size() * sizeof points[0]);
+    query.set_bias_metres(0.05);  // as far as the test's own rays begin from their points
+    const auto traced = session->query(query);
+    ASSERT_TRUE(traced) << traced.error().what;
+    const tests::WorldTriangles triangles = tests::trianglesOf(streets().store);
+    const glm::dvec3 toSun = -streets().store.header().sun;
+    int shadowed = 0;
+    for (size_t i = 0; i < points.size(); ++i) {
+        const bool expected = tests::shadowed(triangles, points[i], toSun);
+        EXPECT_EQ(int(traced.value().light()[i]), expected ? v1::SHADOWED : v1::LIT) << i;
+        shadowed += expected;
+    }
+    EXPECT_GT(shadowed, 100);
+    EXPECT_LT(shadowed, 800);
+
+    // What an object does is seen by the next frame's rays.
+    v1::Frame frame = lifeFrame(1);
+    frame.clear_objects();
+    v1::Spawn* roof = updateOf(frame, 1)->mutable_spawn();
+    roof->set_mesh(2);
+    tests::put(roof->mutable_placement()->mutable_translation(), points[0] + 9.0 * toSun);
+    ASSERT_TRUE(session->frame(frame));
+    int more = 0;
+    const auto later = session->query(query);
+    for (size_t i = 0; i < points.size(); ++i) more += later.value().light()[i] == v1::SHADOWED;
+    EXPECT_GT(more, shadowed);
+}
+
+TEST(Session, MasksAreWhatTheCameraSees) {
+    const auto session = open();
+    v1::Frame frame = lifeFrame(0);
+    v1::GetShadowMaskRequest request;
+    request.set_width(160);
+    request.set_height(90);
+    ASSERT_TRUE(session->frame(frame));
+    EXPECT_EQ(session->mask(request).error().code, world::ErrorCode::kUsage) << "no field of view";
+    frame = lifeFrame(1);
+    frame.mutable_cameras(0)->set_vertical_fov(1);
+    frame.mutable_cameras(0)->set_aspect(16 / 9.0);
+    ASSERT_TRUE(session->frame(frame));
+    const auto maps = session->mask(request);
+    ASSERT_TRUE(maps) << maps.error().what;
+    request.set_by_rays(true);
+    const auto rays = session->mask(request);
+    ASSERT_TRUE(rays);
+    int counts[4] = {}, far = 0, lit = 0;
+    for (size_t i = 0; i < 160 * 90; ++i) {
+        const int surface = maps.value().surface()[i], light = uint8_t(maps.value().light()[i]), exact = uint8_t(rays.value().light()[i]);
+        ++counts[surface];
+        if (surface == v1::SKY) { EXPECT_EQ(light, 255); }
+        if (surface == v1::AWAY) { EXPECT_EQ(light, 0); }
+        if (surface != v1::FACING) continue;
+        EXPECT_TRUE(exact == 0 || exact == 255);
+        far += std::abs(light - exact) > 127;
+        lit += exact == 255;
+    }
+    for (const v1::Surface surface : {v1::SKY, v1::AWAY, v1::FACING}) EXPECT_GT(counts[surface], 100) << int(surface);
+    EXPECT_EQ(counts[v1::UNMAPPED], 0);
+    EXPECT_GT(lit, 100);
+    EXPECT_LT(far, counts[v1::FACING] / 25) << "pixels on the wrong side: those at edges, within a texel";
+    request.set_width(100'000);
+    EXPECT_EQ(session->mask(request).error().code, world::ErrorCode::kLimit);
+    request.set_width(0);
+    EXPECT_EQ(session->mask(request).error().code, world::ErrorCode::kUsage);
+    request.set_width(10);
+    request.set_camera(1);
+    EXPECT_EQ(session->mask(request).error().code, world::ErrorCode::kUsage);
+}
+
 TEST(MergeFrames, KeepsWhatHappenedInOrderAndTheLatestPose) {
     v1::Frame all = lifeFrame(1);
     for (uint64_t k = 2; k < 8; ++k) server::mergeFrames(all, lifeFrame(k));
@@ -175,7 +426,7 @@ TEST(MergeFrames, KeepsWhatHappenedInOrderAndTheLatestPose) {
     EXPECT_EQ(all.objects_size(), 2 + 6 + 2);
     EXPECT_EQ(all.objects(0).object(), 7u);
     EXPECT_TRUE(all.objects(0).has_adopt());
-    EXPECT_TRUE(all.hashes()) << "one of them wanted hashes";
+    EXPECT_TRUE(all.wants().hashes()) << "one of them wanted hashes";
     EXPECT_DOUBLE_EQ(all.cameras(0).position().x(), 0.4 * 7);
     v1::Frame withSun = lifeFrame(8);
     tests::put(withSun.mutable_sun(), {0, -1, 0});

@@ -39,6 +39,7 @@ private:
 };
 
 TEST(Tls, ServesWhoShowsAGoodCertificateAndNobodyElse) {
+    const auto host = tests::localHost();
     const Certificates certificates;
     server::ServiceConfig config = tests::serviceConfig();
     config.tls = certificates.files("server");
@@ -51,17 +52,18 @@ TEST(Tls, ServesWhoShowsAGoodCertificateAndNobodyElse) {
     EXPECT_FALSE(server::Client::connect(address, certificates.files("client", "theirs")).value().healthy(1)) << "the server's is not theirs";
     EXPECT_TRUE(server::Client::connect(address, certificates.files("client")).value().healthy()) << "and still it serves";
     config.tls->key = "nowhere";
-    const auto missing = server::Service::start(tests::validatedDevice(), config, {});
+    const auto missing = server::Service::start(*host, config, {});
     ASSERT_FALSE(missing);
     EXPECT_NE(missing.error().what.find("nowhere"), std::string::npos);
 }
 
 TEST(Tls, LetsOtherAddressesBeListenedOn) {
+    const auto host = tests::localHost();
     const Certificates certificates;
     server::ServiceConfig config = tests::serviceConfig();
     config.listen = "0.0.0.0:0";
     config.tls = certificates.files("server");
-    EXPECT_TRUE(server::Service::start(tests::validatedDevice(), config, {}));
+    EXPECT_TRUE(server::Service::start(*host, config, {}));
 }
 
 }  // namespace

@@ -5,6 +5,8 @@
 
 #include <random>
 
+#include "server/cascade_images.h"
+
 namespace {
 
 using tools::RgbImage;
@@ -35,7 +37,7 @@ TEST(Unwrap, PutsEachTexelWhereTheWindowHasIt) {
                 const cache::Texel window{far + int64_t(rng() % 40), int64_t(rng() % 40) - 20};
                 std::vector<float> stored(size_t(side) * size_t(side));
                 for (size_t k = 0; k < stored.size(); ++k) stored[k] = float(k);
-                const std::vector<float> image = tools::unwrap(stored, side, window);
+                const std::vector<float> image = server::unwrap(stored, side, window);
                 for (int y = 0; y < side; ++y)
                     for (int x = 0; x < side; ++x)
                         ASSERT_EQ(image[size_t(y * side + x)],

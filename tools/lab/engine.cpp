@@ -7,8 +7,8 @@
 #include <optional>
 #include <utility>
 
+#include "server/cascade_images.h"
 #include "server/shadow_system.h"
-#include "tools/dump.h"
 #include "tools/lab/scroll_engine.h"
 #include "tools/lab/view_plans.h"
 #include "tools/method_file.h"
@@ -151,39 +151,14 @@ public:
 
     /// Maps as their views have them: from the low corner of the window on.
     Result<std::vector<std::vector<float>>> images() override {
-        views_.clear();
-        std::vector<std::vector<float>> images;
-        for (int c = 0; c < system_->cascades(); ++c) {
-            const server::CascadeView cascade = system_->view(c);
-            auto stored = system_->readMap(c, gpu::MapKind::kWorking);
-            if (!stored) return stored.error();
-            std::vector<float> image = unwrap(stored.value(), method_.side, cascade.window);
-            if (!cascade.drawn) std::fill(image.begin(), image.end(), cache::kUnknownDepth);
-            images.push_back(std::move(image));
-            views_.push_back(viewOf(cascade, c));
-        }
-        return images;
+        auto read = server::readImages(*system_, 0);
+        if (!read) return read.error();
+        views_ = std::move(read.value().views);
+        return std::move(read.value().images);
     }
     const culling::LightSpace& light() const override { return light_; }
 
 private:
-    ShadowView viewOf(const server::CascadeView& cascade, int map) const {
-        ShadowView view;
-        const double edge = cascade.texel * method_.side;
-        // A cascade's depths are told as they are stored, a view's as they are before that.
-        const double range = cascade.depthRange * (1 - double(cache::kNearestDepth));
-        view.clipFromLight = {{2 / edge, 0, 0, 0}, {0, 2 / edge, 0, 0}, {0, 0, 1 / range, 0}, {-1, -1, 0, 1}};
-        view.low = glm::dvec2(cascade.window) * cascade.texel;
-        view.high = view.low + edge;
-        view.origin = {view.low, cascade.depthNear + cascade.depthRange - range};
-        view.begin = map == 0 ? 0 : system_->view(map - 1).split;
-        view.end = cascade.split;
-        view.texel = cascade.texel;
-        view.depthRange = range;
-        view.map = map;
-        return view;
-    }
-
     const Setting& setting_;
     ShadowMethod method_;
     std::unique_ptr<server::ShadowSystem> system_;

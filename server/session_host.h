@@ -1,0 +1,43 @@
+// server/session_host.h — whoever draws a service's sessions: this process, or a worker that may die.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "server/gnomon.pb.h"
+#include "world/result.h"
+
+namespace server {
+
+/// One session where it is drawn. `frame` comes from one thread at a time, questions from any, whenever. Errors are those
+/// of `Session`.
+class HostedSession {
+public:
+    virtual ~HostedSession() = default;
+    /// Waits for its turn first. kDevice, kIo: the session is of no use any more.
+    virtual world::Result<gnomon::v1::FrameReply> frame(const gnomon::v1::Frame& request) = 0;
+    virtual world::Result<gnomon::v1::QueryShadowReply> query(const gnomon::v1::QueryShadowRequest& request) = 0;
+    virtual world::Result<gnomon::v1::ShadowMask> mask(const gnomon::v1::GetShadowMaskRequest& request) = 0;
+    /// Hands out tiles as long as `take` wants them; nobody else waits for it meanwhile.
+    virtual world::Result<world::Done> depthMap(const gnomon::v1::GetDepthMapRequest& request,
+                                                const std::function<bool(const gnomon::v1::DepthTile&)>& take) = 0;
+};
+
+/// Any thread.
+class SessionHost {
+public:
+    virtual ~SessionHost() = default;
+    virtual world::Result<std::vector<std::string>> worlds() = 0;
+    virtual world::Result<gnomon::v1::WorldInfo> openWorld(const std::string& name) = 0;
+    /// `opened` is filled in but for the session's secret.
+    ///   number     of the session, for people
+    ///   recording  file that has each request of the session before it is asked here; empty: none
+    virtual world::Result<std::unique_ptr<HostedSession>> open(const gnomon::v1::OpenSession& request, uint64_t number,
+                                                               const std::string& recording,
+                                                               gnomon::v1::SessionOpened& opened) = 0;
+};
+
+}  // namespace server
