@@ -167,23 +167,12 @@ Result<v1::ShadowMask> Client::mask(const v1::GetShadowMaskRequest& request) {
     return reply;
 }
 
-Result<Done> Client::depthMap(const v1::GetDepthMapRequest& request, const std::function<bool(const v1::DepthTile&)>& take) {
+Result<std::vector<v1::DepthTile>> Client::depthMap(const v1::GetDepthMapRequest& request) {
     grpc::ClientContext context;
     const auto reader = impl_->stub->GetDepthMap(&context, request);
-    bool wanted = true;
-    for (v1::DepthTile tile; wanted && reader->Read(&tile);) wanted = take(tile);
-    if (!wanted) context.TryCancel();
-    if (const auto status = reader->Finish(); wanted && !status.ok()) return errorOf(status);
-    return Done{};
-}
-
-Result<std::vector<v1::DepthTile>> Client::depthMap(const v1::GetDepthMapRequest& request) {
     std::vector<v1::DepthTile> tiles;
-    const auto done = depthMap(request, [&](const v1::DepthTile& tile) {
-        tiles.push_back(tile);
-        return true;
-    });
-    if (!done) return done.error();
+    for (v1::DepthTile tile; reader->Read(&tile);) tiles.push_back(std::move(tile));
+    if (const auto status = reader->Finish(); !status.ok()) return errorOf(status);
     return tiles;
 }
 

@@ -1,7 +1,6 @@
 // server/client.h — a client of the service: blocking calls, errors as values.
 #pragma once
 
-#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -52,10 +51,8 @@ public:
     world::Result<std::unique_ptr<ClientSession>> session(const gnomon::v1::OpenSession& open);
     world::Result<gnomon::v1::QueryShadowReply> query(const gnomon::v1::QueryShadowRequest& request);
     world::Result<gnomon::v1::ShadowMask> mask(const gnomon::v1::GetShadowMaskRequest& request);
-    /// All tiles, in order; or as they come, as long as `take` wants them.
+    /// All tiles, in order.
     world::Result<std::vector<gnomon::v1::DepthTile>> depthMap(const gnomon::v1::GetDepthMapRequest& request);
-    world::Result<world::Done> depthMap(const gnomon::v1::GetDepthMapRequest& request,
-                                        const std::function<bool(const gnomon::v1::DepthTile&)>& take);
 
 private:
     struct Impl;

@@ -1,9 +1,5 @@
 #include "server/local_host.h"
 
-#include <zstd.h>
-
-#include <algorithm>
-#include <bit>
 #include <utility>
 
 #include "server/stopwatch.h"
@@ -13,15 +9,9 @@
 namespace server {
 
 namespace v1 = gnomon::v1;
-using world::Done;
-using world::Error;
-using world::ErrorCode;
 using world::Result;
 
 namespace {
-
-constexpr int kZstdLevel = 1;  // depths of a frame are read once
-constexpr uint32_t kTile = 256, kLeastTile = 16, kMostTile = 1024;
 
 class LocalSession final : public HostedSession {
 public:
@@ -51,53 +41,17 @@ public:
         return session_->mask(request);
     }
 
-    Result<Done> depthMap(const v1::GetDepthMapRequest& request, const std::function<bool(const v1::DepthTile&)>& take) override {
-        const uint32_t tile = request.tile() == 0 ? kTile : request.tile();
-        if (!std::has_single_bit(tile) || tile < kLeastTile || tile > kMostTile)
-            return Error{ErrorCode::kUsage, "tile: give a power of two from 16 to 1024 texels"};
-        v1::DepthTile answer;
-        Session::DepthMap map;
-        {
-            const Turns::Turn turn(turns_);
-            auto read = session_->depthMap(request);
-            if (!read) return read.error();
-            map = std::move(read.value());
-            if (map.cascade >= 0) *answer.mutable_cascade() = session_->cascade(map.cascade);
-            answer.set_frame(session_->frames() - 1);
-        }
-        const auto side = uint32_t(map.side);
-        std::vector<float> part;
-        for (uint32_t y = 0; y < side; y += tile)
-            for (uint32_t x = 0; x < side; x += tile) {
-                cut(map, x, y, tile, part, answer);
-                if (request.zstd()) {
-                    const std::string raw = std::move(*answer.mutable_depths());
-                    std::string& bytes = *answer.mutable_depths();
-                    bytes.resize(ZSTD_compressBound(raw.size()));
-                    bytes.resize(ZSTD_compress(bytes.data(), bytes.size(), raw.data(), raw.size(), kZstdLevel));
-                }
-                if (!take(answer)) return Done{};
-                answer.clear_cascade();
-            }
-        return Done{};
+    Result<HostedMap> depthMap(const v1::GetDepthMapRequest& request) override {
+        const Turns::Turn turn(turns_);
+        const auto read = session_->depthMap(request);
+        if (!read) return read.error();
+        const std::vector<float>& depths = read.value().depths;
+        HostedMap map{{reinterpret_cast<const char*>(depths.data()), depths.size() * sizeof(float)}, uint32_t(read.value().side), {}, session_->frames() - 1};
+        if (read.value().cascade >= 0) map.cascade = session_->cascade(read.value().cascade);
+        return map;
     }
 
 private:
-    static void cut(const Session::DepthMap& map, uint32_t x, uint32_t y, uint32_t tile, std::vector<float>& part, v1::DepthTile& answer) {
-        const auto side = uint32_t(map.side);
-        const uint32_t width = std::min(tile, side - x), height = std::min(tile, side - y);
-        part.clear();
-        for (uint32_t j = 0; j < height; ++j) {
-            const auto row = map.depths.begin() + std::ptrdiff_t(size_t(y + j) * side + x);
-            part.insert(part.end(), row, row + width);
-        }
-        answer.set_x(x);
-        answer.set_y(y);
-        answer.set_width(width);
-        answer.set_height(height);
-        answer.set_depths(part.data(), part.size() * sizeof(float));
-    }
-
     Turns& turns_;
     std::shared_ptr<const OpenedWorld> world_;  ///< outlives the session
     std::unique_ptr<Session> session_;

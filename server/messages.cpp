@@ -9,8 +9,6 @@ using world::Error;
 using world::ErrorCode;
 using world::Result;
 
-namespace {
-
 v1::Code codeOf(ErrorCode code) {
     switch (code) {
         case ErrorCode::kUsage: return v1::USAGE;
@@ -23,7 +21,16 @@ v1::Code codeOf(ErrorCode code) {
     return v1::USAGE;
 }
 
-}  // namespace
+ErrorCode codeOf(v1::Code code) {
+    switch (code) {
+        case v1::NOT_FOUND: return ErrorCode::kNotFound;
+        case v1::BAD_DATA: return ErrorCode::kBadData;
+        case v1::IO: return ErrorCode::kIo;
+        case v1::DEVICE: return ErrorCode::kDevice;
+        case v1::LIMIT: return ErrorCode::kLimit;
+        default: return ErrorCode::kUsage;
+    }
+}
 
 glm::dvec3 vectorOf(const v1::Vector& v) { return {v.x(), v.y(), v.z()}; }
 

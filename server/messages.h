@@ -29,6 +29,9 @@ uint64_t spotBytes(const culling::SpotLight& light);
 /// "objects: 11, and a session may have 10".
 world::Error limitError(const std::string& what, uint64_t asked, uint64_t most);
 
+gnomon::v1::Code codeOf(world::ErrorCode code);
+world::ErrorCode codeOf(gnomon::v1::Code code);
+
 void put(gnomon::v1::Vector* to, glm::dvec3 v);
 void put(gnomon::v1::Cost* to, const cache::Cost& cost);
 void put(gnomon::v1::Cascade* to, const CascadeView& view);

@@ -3,9 +3,11 @@
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/grpcpp.h>
 #include <sys/random.h>
+#include <zstd.h>
 
 #include <algorithm>
 #include <atomic>
+#include <bit>
 #include <cstring>
 #include <filesystem>
 #include <thread>
@@ -32,6 +34,8 @@ using Clock = std::chrono::steady_clock;
 
 /// Of a watch over idle sessions and replies that nobody reads.
 constexpr auto kWatchPeriod = std::chrono::milliseconds(100);
+constexpr uint32_t kTile = 256, kLeastTile = 16, kMostTile = 1024;  // [texels]
+constexpr int kZstdLevel = 1;  // depths of a frame are read once
 
 Status statusOf(const Error& error) {
     switch (error.code) {
@@ -87,6 +91,24 @@ struct Live {
     uint64_t drawn = 0;  ///< frames; of the session's thread
     bool gone = false;  ///< gRPC has let go of the stream
 };
+
+void cut(const HostedMap& map, uint32_t x, uint32_t y, uint32_t tile, v1::DepthTile& answer) {
+    const uint32_t width = std::min(tile, map.side - x), height = std::min(tile, map.side - y);
+    answer.set_x(x);
+    answer.set_y(y);
+    answer.set_width(width);
+    answer.set_height(height);
+    std::string& bytes = *answer.mutable_depths();
+    bytes.clear();
+    for (uint32_t j = 0; j < height; ++j)
+        bytes.append(map.depths, (size_t(y + j) * map.side + x) * sizeof(float), width * sizeof(float));
+}
+
+void compress(std::string& bytes) {
+    const std::string raw = std::move(bytes);
+    bytes.resize(ZSTD_compressBound(raw.size()));
+    bytes.resize(ZSTD_compress(bytes.data(), bytes.size(), raw.data(), raw.size(), kZstdLevel));
+}
 
 /// A session's recording, if it has one.
 struct Recorder {
@@ -184,9 +206,23 @@ struct Service::Impl final : v1::Gnomon::WithCallbackMethod_Session<v1::Gnomon::
 
     Status GetDepthMap(grpc::ServerContext*, const v1::GetDepthMapRequest* request,
                        grpc::ServerWriter<v1::DepthTile>* writer) override {
-        return answer(request->session(), [&](HostedSession& session) {
-            return session.depthMap(*request, [&](const v1::DepthTile& tile) { return writer->Write(tile); });
-        });
+        const uint32_t tile = request->tile() == 0 ? kTile : request->tile();
+        if (!std::has_single_bit(tile) || tile < kLeastTile || tile > kMostTile)
+            return {StatusCode::INVALID_ARGUMENT, "tile: give a power of two from 16 to 1024 texels"};
+        HostedMap map;
+        const Status read = answer(request->session(), [&](HostedSession& session) { return moved(session.depthMap(*request), map); });
+        if (!read.ok()) return read;
+        v1::DepthTile answer;
+        if (map.cascade) *answer.mutable_cascade() = *map.cascade;
+        answer.set_frame(map.frame);
+        for (uint32_t y = 0; y < map.side; y += tile)
+            for (uint32_t x = 0; x < map.side; x += tile) {
+                cut(map, x, y, tile, answer);
+                if (request->zstd()) compress(*answer.mutable_depths());
+                if (!writer->Write(answer)) return Status::CANCELLED;
+                answer.clear_cascade();
+            }
+        return Status::OK;
     }
 
     /// What an open session says.

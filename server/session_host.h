@@ -2,8 +2,8 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,18 +12,23 @@
 
 namespace server {
 
-/// One session where it is drawn. `frame` comes from one thread at a time, questions from any, whenever. Errors are those
-/// of `Session`.
+/// A map as it was after a frame.
+struct HostedMap {
+    std::string depths;  ///< side * side floats, row by row, in stored order
+    uint32_t side = 0;   ///< [texels]
+    std::optional<gnomon::v1::Cascade> cascade;  ///< the state that belongs to it; none: a spot light's
+    uint64_t frame = 0;
+};
+
+/// One session where it is drawn. `frame` comes from one thread at a time, questions from any, whenever. Each waits for its
+/// turn. Errors are those of `Session`; kDevice, kIo: the session is of no use any more.
 class HostedSession {
 public:
     virtual ~HostedSession() = default;
-    /// Waits for its turn first. kDevice, kIo: the session is of no use any more.
     virtual world::Result<gnomon::v1::FrameReply> frame(const gnomon::v1::Frame& request) = 0;
     virtual world::Result<gnomon::v1::QueryShadowReply> query(const gnomon::v1::QueryShadowRequest& request) = 0;
     virtual world::Result<gnomon::v1::ShadowMask> mask(const gnomon::v1::GetShadowMaskRequest& request) = 0;
-    /// Hands out tiles as long as `take` wants them; nobody else waits for it meanwhile.
-    virtual world::Result<world::Done> depthMap(const gnomon::v1::GetDepthMapRequest& request,
-                                                const std::function<bool(const gnomon::v1::DepthTile&)>& take) = 0;
+    virtual world::Result<HostedMap> depthMap(const gnomon::v1::GetDepthMapRequest& request) = 0;
 };
 
 /// Any thread.
@@ -33,7 +38,7 @@ public:
     virtual world::Result<std::vector<std::string>> worlds() = 0;
     virtual world::Result<gnomon::v1::WorldInfo> openWorld(const std::string& name) = 0;
     /// `opened` is filled in but for the session's secret.
-    ///   number     of the session, for people
+    ///   number     of the session, given out once
     ///   recording  file that has each request of the session before it is asked here; empty: none
     virtual world::Result<std::unique_ptr<HostedSession>> open(const gnomon::v1::OpenSession& request, uint64_t number,
                                                                const std::string& recording,

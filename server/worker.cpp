@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <signal.h>
 #include <spawn.h>
+#include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -14,13 +15,14 @@
 #include <thread>
 #include <utility>
 
-#include "server/client.h"
+#include "server/worker.pb.h"
+#include "server/worker_loop.h"
 
 extern char** environ;
 
 namespace server {
 
-using world::Done;
+namespace wire = gnomon::worker;
 using world::Error;
 using world::ErrorCode;
 using world::Result;
@@ -28,53 +30,92 @@ using world::Result;
 namespace {
 
 using Clock = std::chrono::steady_clock;
-constexpr int kInheritedAs = 3;
-constexpr std::chrono::milliseconds kLook{5};           ///< between two looks at whether it lives
-constexpr std::chrono::seconds kPatience{30};           ///< for a worker that serves
-constexpr std::chrono::seconds kLongLife{10};           ///< of one that died of something new
+constexpr std::chrono::seconds kPatience{30};             ///< for a worker that serves
+constexpr std::chrono::seconds kLongLife{10};             ///< of one that died of something new
 constexpr std::chrono::milliseconds kLongestPause{5000};  ///< before the next start
-constexpr std::chrono::seconds kLastWords{1};
+constexpr std::chrono::seconds kLastWords{2};
 
 std::string causeOf(int status) {
-    if (WIFSIGNALED(status)) return std::string("signal ") + std::to_string(WTERMSIG(status)) + ", " + ::strsignal(WTERMSIG(status));
+    if (WIFSIGNALED(status)) return "signal " + std::to_string(WTERMSIG(status)) + ", " + ::strsignal(WTERMSIG(status));
     return "status " + std::to_string(WEXITSTATUS(status));
 }
 
 }  // namespace
 
+WorkerLine::~WorkerLine() { ::close(socket_); }
+
+Result<wire::Reply> WorkerLine::ask(const wire::Request& request) {
+    if (const auto sent = sendMessage(socket_, request); !sent) return sent.error();
+    wire::Reply reply;
+    if (const auto received = receiveMessage(socket_, reply); !received) return received.error();
+    return reply;
+}
+
 struct Worker::Impl {
     Impl(const WorkerConfig& c, std::function<void(const std::string&)> e) : config(c), onEvent(std::move(e)) {}
 
-    /// The process, or -errno. Its standard input is a pipe whose other end only this process has.
-    pid_t spawn() {
+    /// The process, or -errno; and this side of its line.
+    pid_t spawn(int& socket) {
         std::vector<std::string> words = config.command(starts + 1);
         std::vector<char*> argv;
         for (std::string& word : words) argv.push_back(word.data());
         argv.push_back(nullptr);
         int ends[2];
-        if (::pipe2(ends, O_CLOEXEC) != 0) return -errno;
+        if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) return -errno;
+        // Out of the way of the numbers that the worker finds them under.
+        const int theirs = ::fcntl(ends[1], F_DUPFD_CLOEXEC, kWorkerInherited + 1);
+        const int inherited = config.inherited < 0 ? -1 : ::fcntl(config.inherited, F_DUPFD_CLOEXEC, kWorkerInherited + 1);
         posix_spawn_file_actions_t actions;
         posix_spawn_file_actions_init(&actions);
-        posix_spawn_file_actions_adddup2(&actions, ends[0], STDIN_FILENO);
-        if (config.inherited >= 0) posix_spawn_file_actions_adddup2(&actions, config.inherited, kInheritedAs);
+        posix_spawn_file_actions_adddup2(&actions, theirs, kWorkerLine);
+        if (inherited >= 0) posix_spawn_file_actions_adddup2(&actions, inherited, kWorkerInherited);
+        posix_spawn_file_actions_addclosefrom_np(&actions, inherited >= 0 ? kWorkerInherited + 1 : kWorkerLine + 1);
         posix_spawnattr_t attributes;
         posix_spawnattr_init(&attributes);
         posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);  // Ctrl-C is this process's to hear
-        posix_spawn_file_actions_addclosefrom_np(&actions, kInheritedAs + 1);
         pid_t born = 0;
         const int failed = ::posix_spawn(&born, argv[0], &actions, &attributes, argv.data(), environ);
         posix_spawnattr_destroy(&attributes);
         posix_spawn_file_actions_destroy(&actions);
-        ::close(ends[0]);
-        if (failed != 0) ::close(ends[1]);
-        else lifeline = ends[1];
+        for (const int mine : {ends[1], theirs, inherited})
+            if (mine >= 0) ::close(mine);
+        if (failed != 0) ::close(ends[0]);
+        socket = ends[0];
         return failed != 0 ? -failed : born;
     }
 
-    /// Whether somebody answers at the address.
-    bool answers() const {
-        auto client = Client::connect(config.address);
-        return client && client.value().healthy(0.05);
+    /// One worker from its start to its end.
+    void live(std::unique_lock<std::mutex>& lock) {
+        int socket = -1;
+        const pid_t born = spawn(socket);
+        ++starts;
+        if (born <= 0) {
+            cause = std::string("it cannot be started: ") + std::strerror(int(-born));
+            return;
+        }
+        child = born;
+        auto mine = std::make_shared<WorkerLine>(starts, socket);
+        lock.unlock();
+        wire::Reply hello;
+        const timeval patience{kPatience.count(), 0};
+        ::setsockopt(socket, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+        const bool up = bool(receiveMessage(socket, hello));
+        const timeval forever{};
+        ::setsockopt(socket, SOL_SOCKET, SO_RCVTIMEO, &forever, sizeof forever);
+        if (!up) ::kill(born, SIGKILL);
+        lock.lock();
+        if (up && !ending) line = std::move(mine);
+        mine.reset();
+        changed.notify_all();
+        lock.unlock();
+        siginfo_t info{};
+        while (::waitid(P_PID, id_t(born), &info, WEXITED | WNOWAIT) != 0 && errno == EINTR) {}
+        lock.lock();
+        int status = 0;
+        ::waitpid(born, &status, 0);  // its number is free from here on
+        cause = causeOf(status);
+        child = 0;
+        line.reset();
     }
 
     void run() {
@@ -82,35 +123,12 @@ struct Worker::Impl {
         auto pause = std::chrono::milliseconds(0);
         while (!ending) {
             const auto born = Clock::now();
-            child = spawn();
-            ++starts;
-            if (child <= 0) {
-                cause = std::string("it cannot be started: ") + std::strerror(int(-child));
-                child = 0;
-            }
-            int status = 0;
-            while (child > 0) {
-                if (!serves && !doomed && !ending) {
-                    lock.unlock();
-                    const bool up = answers();
-                    lock.lock();
-                    if (up && !doomed) {
-                        serves = true;
-                        changed.notify_all();
-                    }
-                }
-                if (::waitpid(child, &status, WNOHANG) == child) break;
-                if (ending && Clock::now() > lastMoment) ::kill(child, SIGKILL);
-                changed.wait_for(lock, kLook);
-            }
-            if (child > 0) cause = causeOf(status);
-            ::close(std::exchange(lifeline, -1));
-            child = 0;
-            serves = doomed = false;
+            live(lock);
             ++deaths;
             changed.notify_all();
             if (ending) break;
-            pause = Clock::now() - born > kLongLife ? std::chrono::milliseconds(0) : std::min(kLongestPause, 2 * pause + std::chrono::milliseconds(50));
+            const bool anew = Clock::now() - born > kLongLife;
+            pause = anew ? std::chrono::milliseconds(0) : std::min(kLongestPause, 2 * pause + std::chrono::milliseconds(50));
             const std::string why = cause;
             lock.unlock();
             onEvent("it ended by " + why + ", and is started again");
@@ -124,11 +142,9 @@ struct Worker::Impl {
     std::mutex mutex;
     std::condition_variable changed;
     pid_t child = 0;
-    int lifeline = -1;
+    std::shared_ptr<WorkerLine> line;  ///< null: none serves
     uint64_t starts = 0, deaths = 0;
-    bool serves = false, ending = false;
-    bool doomed = false;  ///< killed, and not seen dead yet
-    Clock::time_point lastMoment;
+    bool ending = false;
     std::string cause;  ///< of the last end
     std::thread thread;
 };
@@ -141,27 +157,27 @@ Result<std::unique_ptr<Worker>> Worker::start(const WorkerConfig& config, std::f
     std::unique_ptr<Worker> worker(new Worker(std::move(impl)));
     Impl& w = *worker->impl_;
     std::unique_lock lock(w.mutex);
-    w.changed.wait_for(lock, kPatience, [&] { return w.serves || w.deaths > 0; });
-    if (w.serves) return worker;
-    const std::string why = w.deaths > 0 ? "it ended by " + w.cause + " before it served; what it said is above" : "it does not serve";
+    w.changed.wait(lock, [&] { return w.line || w.deaths > 0; });
+    if (w.line) return worker;
+    const std::string why = w.cause;
     lock.unlock();
-    return Error{ErrorCode::kIo, "worker: " + why};
+    return Error{ErrorCode::kIo, "worker: it ended by " + why + " before it served; what it said is above"};
 }
 
 Worker::~Worker() {
-    {
-        const std::lock_guard lock(impl_->mutex);
-        impl_->ending = true;
-        impl_->lastMoment = Clock::now() + kLastWords;
-        if (impl_->lifeline >= 0) ::close(std::exchange(impl_->lifeline, -1));
-        impl_->changed.notify_all();
-    }
+    std::unique_lock lock(impl_->mutex);
+    impl_->ending = true;
+    impl_->line.reset();  // the worker sees it, and ends
+    impl_->changed.notify_all();
+    impl_->changed.wait_for(lock, kLastWords, [this] { return impl_->child == 0; });
+    if (impl_->child > 0) ::kill(impl_->child, SIGKILL);
+    lock.unlock();
     impl_->thread.join();
 }
 
-Result<uint64_t> Worker::serving() {
+Result<std::shared_ptr<WorkerLine>> Worker::serving() {
     std::unique_lock lock(impl_->mutex);
-    if (impl_->changed.wait_for(lock, kPatience, [this] { return impl_->serves || impl_->ending; }) && impl_->serves) return impl_->starts;
+    if (impl_->changed.wait_for(lock, kPatience, [this] { return impl_->line || impl_->ending; }) && impl_->line) return impl_->line;
     return Error{ErrorCode::kIo, "worker: it does not serve: " + impl_->cause};
 }
 
@@ -169,13 +185,12 @@ void Worker::discard(uint64_t start) {
     const std::lock_guard lock(impl_->mutex);
     if (impl_->starts != start || impl_->child <= 0) return;
     ::kill(impl_->child, SIGKILL);
-    impl_->serves = false;
-    impl_->doomed = true;
+    impl_->line.reset();
 }
 
 pid_t Worker::pid() const {
     const std::lock_guard lock(impl_->mutex);
-    return std::max(impl_->child, 0);
+    return impl_->child;
 }
 
 }  // namespace server

@@ -11,29 +11,53 @@
 
 #include "world/result.h"
 
+namespace gnomon::worker {
+class Reply;
+class Request;
+}  // namespace gnomon::worker
+
 namespace server {
 
+/// Descriptors as the worker finds them.
+constexpr int kWorkerLine = 3;      ///< a socket: requests come, replies go, and its end is the worker's
+constexpr int kWorkerInherited = 4;  ///< WorkerConfig::inherited
+
 struct WorkerConfig {
-    /// Program and arguments of a start, counted from 1. The program must serve at `address`, and end when its standard
-    /// input does: so it outlives nobody.
+    /// Program and arguments of a start, counted from 1. The program must call `runWorker`.
     std::function<std::vector<std::string>(uint64_t start)> command;
-    std::string address;  ///< as `Client::connect` takes it
-    int inherited = -1;   ///< descriptor that the program gets as number 3; -1: none
+    int inherited = -1;  ///< descriptor that it gets as well; -1: none
+};
+
+/// What leads to one start of the worker. One thread at a time.
+class WorkerLine {
+public:
+    WorkerLine(uint64_t start, int socket) : start_(start), socket_(socket) {}
+    ~WorkerLine();
+    WorkerLine(const WorkerLine&) = delete;
+    WorkerLine& operator=(const WorkerLine&) = delete;
+
+    uint64_t start() const { return start_; }
+    /// kIo where the worker is dead. An error of the reply is its own to look at.
+    world::Result<gnomon::worker::Reply> ask(const gnomon::worker::Request& request);
+
+private:
+    const uint64_t start_;
+    const int socket_;
 };
 
 /// Any thread, but for the destructor.
 class Worker {
 public:
     /// Starts it and waits until it serves. kIo where it cannot be started, or ends before it serves.
-    ///   onEvent  gets a line whenever it ended and was started again; from a thread of the worker's own
+    ///   onEvent  gets a line whenever it ended and is started again; from a thread of the worker's own
     static world::Result<std::unique_ptr<Worker>> start(const WorkerConfig& config, std::function<void(const std::string&)> onEvent);
-    /// Lets it end for a second, and then kills it.
+    /// Lets it end for two seconds, and then kills it. No line may be left.
     ~Worker();
     Worker(const Worker&) = delete;
     Worker& operator=(const Worker&) = delete;
 
-    /// Waits until a worker serves, at most half a minute: which start that is. kIo where none does.
-    world::Result<uint64_t> serving();
+    /// The line to a worker that serves; waits for one half a minute at most. kIo where none does.
+    world::Result<std::shared_ptr<WorkerLine>> serving();
     /// A worker that is of no use, if it is still that of this start: it is killed, and the next one started.
     void discard(uint64_t start);
     pid_t pid() const;  ///< 0 between two

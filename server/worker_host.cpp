@@ -1,20 +1,21 @@
 #include "server/worker_host.h"
 
-#include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <mutex>
-#include <optional>
 #include <thread>
 #include <utility>
 
-#include "server/client.h"
+#include "server/messages.h"
 #include "server/recording.h"
 #include "server/stopwatch.h"
 #include "server/turns.h"
+#include "server/worker.pb.h"
 
 namespace server {
 
 namespace v1 = gnomon::v1;
+namespace wire = gnomon::worker;
 using world::Done;
 using world::Error;
 using world::ErrorCode;
@@ -22,59 +23,18 @@ using world::Result;
 
 namespace {
 
-constexpr int kMostDeaths = 3;  ///< of workers, by one frame
+constexpr int kMostDeaths = 3;     ///< of workers, by one frame
 constexpr int kMostRevivals = 20;  ///< that fail before they count as deaths
-constexpr std::chrono::minutes kLongestFrame{5};  ///< a worker that takes longer is hung, and discarded
+constexpr std::chrono::minutes kLongestFrame{5};
 
 /// The worker is dead, or of no use.
 bool fatal(const Error& error) { return error.code == ErrorCode::kIo || error.code == ErrorCode::kDevice; }
 
-class WorkerHost;
-
-class WorkerSession final : public HostedSession {
+/// Asks in turns, and discards a worker that does not answer.
+class Desk {
 public:
-    WorkerSession(WorkerHost& host, const v1::OpenSession& open, uint64_t number, std::string recording)
-        : host_(host), open_(open), number_(number), recording_(std::move(recording)) {}
-
-    /// Opens it with the worker that serves, and asks what was answered already. What the worker says of the session.
-    Result<v1::SessionOpened> open();
-    Result<v1::FrameReply> frame(const v1::Frame& request) override;
-    Result<v1::QueryShadowReply> query(const v1::QueryShadowRequest& request) override {
-        return ask<v1::QueryShadowReply>([&](Client& client) { return client.query(named(request)); });
-    }
-    Result<v1::ShadowMask> mask(const v1::GetShadowMaskRequest& request) override {
-        return ask<v1::ShadowMask>([&](Client& client) { return client.mask(named(request)); });
-    }
-    Result<Done> depthMap(const v1::GetDepthMapRequest& request, const std::function<bool(const v1::DepthTile&)>& take) override;
-
-private:
-    /// With a session at the worker that serves; opens one where that is another worker than before.
-    Result<Done> revive();
-    template <class Reply>
-    Result<Reply> ask(const std::function<Result<Reply>(Client&)>& question);
-    /// The same request, of the session as the worker calls it.
-    template <class Request>
-    Request named(Request request) const {
-        request.set_session(session_->opened().session());
-        return request;
-    }
-
-    WorkerHost& host_;
-    const v1::OpenSession open_;
-    const uint64_t number_;
-    const std::string recording_;
-    std::mutex mutex_;  ///< of what is below
-    std::shared_ptr<Client> client_;
-    std::unique_ptr<ClientSession> session_;
-    uint64_t start_ = 0;     ///< of the worker that has the session
-    uint64_t answered_ = 0;  ///< frames
-};
-
-class WorkerHost final : public SessionHost {
-public:
-    WorkerHost(Worker& worker, std::string address, std::function<void(uint64_t, const std::string&)> onEvent)
-        : worker_(worker), address_(std::move(address)), onEvent_(std::move(onEvent)), watch_([this] { watch(); }) {}
-    ~WorkerHost() override {
+    explicit Desk(Worker& worker) : worker_(worker), watch_([this] { watch(); }) {}
+    ~Desk() {
         {
             const std::lock_guard lock(mutex_);
             ending_ = true;
@@ -82,181 +42,230 @@ public:
         }
         watch_.join();
     }
-
-    Result<std::vector<std::string>> worlds() override {
-        const auto at = client();
-        if (!at) return at.error();
-        return at.value().second->worlds();
-    }
-    Result<v1::WorldInfo> openWorld(const std::string& name) override {
-        const auto at = client();
-        if (!at) return at.error();
-        return at.value().second->openWorld(name);
-    }
-    Result<std::unique_ptr<HostedSession>> open(const v1::OpenSession& request, uint64_t number, const std::string& recording,
-                                                v1::SessionOpened& opened) override {
-        auto session = std::make_unique<WorkerSession>(*this, request, number, recording);
-        auto at = session->open();
-        if (!at && fatal(at.error())) at = session->open();  // the worker may have died of something else
-        if (!at) return at.error();
-        opened = std::move(at.value());
-        opened.clear_session();
-        return std::unique_ptr<HostedSession>(std::move(session));
-    }
-
-    /// The worker that serves: which start it is, and a client of its.
-    Result<std::pair<uint64_t, std::shared_ptr<Client>>> client() {
-        const auto start = worker_.serving();
-        if (!start) return start.error();
-        const std::lock_guard lock(mutex_);
-        if (start.value() != start_ || !client_) {
-            auto made = Client::connect(address_);
-            if (!made) return made.error();
-            client_ = std::make_shared<Client>(std::move(made.value()));
-            start_ = start.value();
-        }
-        return std::pair(start_, client_);
-    }
-
-    /// A turn at the worker.
-    class Turn {
-    public:
-        Turn(WorkerHost& host, uint64_t start) : host_(host), turn_(host.turns_) { set(start); }
-        ~Turn() { set(0); }
-        Turn(const Turn&) = delete;
-        Turn& operator=(const Turn&) = delete;
-
-    private:
-        void set(uint64_t start) {
-            const std::lock_guard lock(host_.mutex_);
-            host_.busy_ = start;
-            host_.busySince_ = std::chrono::steady_clock::now();
-        }
-        WorkerHost& host_;
-        const Turns::Turn turn_;
-    };
+    Desk(const Desk&) = delete;
+    Desk& operator=(const Desk&) = delete;
 
     Worker& worker() { return worker_; }
-    void tell(uint64_t session, const std::string& what) { onEvent_(session, what); }
+    /// The reply's error is this one's. A line whose worker failed is discarded.
+    ///   waited  if given, for the turn [ms]
+    Result<wire::Reply> ask(WorkerLine& line, const wire::Request& request, double* waited = nullptr) {
+        const Stopwatch watch;
+        const Turns::Turn turn(turns_);
+        if (waited) *waited = watch.ms();
+        busyWith(line.start());
+        auto reply = line.ask(request);
+        busyWith(0);
+        if (reply && reply.value().has_error())
+            reply = Error{codeOf(reply.value().error().code()), reply.value().error().what()};
+        if (!reply && fatal(reply.error())) worker_.discard(line.start());
+        return reply;
+    }
 
 private:
-    /// Discards a worker that does not answer.
+    void busyWith(uint64_t start) {
+        const std::lock_guard lock(mutex_);
+        busy_ = start;
+        since_ = std::chrono::steady_clock::now();
+    }
     void watch() {
         std::unique_lock lock(mutex_);
         while (!ending_) {
             changed_.wait_for(lock, std::chrono::seconds(1));
-            if (busy_ != 0 && std::chrono::steady_clock::now() - busySince_ > kLongestFrame) worker_.discard(busy_);
+            if (busy_ != 0 && std::chrono::steady_clock::now() - since_ > kLongestFrame) worker_.discard(busy_);
         }
     }
 
     Worker& worker_;
-    const std::string address_;
-    const std::function<void(uint64_t, const std::string&)> onEvent_;
     Turns turns_;
     std::mutex mutex_;  ///< of what is below
     std::condition_variable changed_;
-    uint64_t start_ = 0;
-    std::shared_ptr<Client> client_;
-    uint64_t busy_ = 0;  ///< start of the worker that was asked something; 0: it was asked nothing
-    std::chrono::steady_clock::time_point busySince_;
+    uint64_t busy_ = 0;  ///< start of the worker that was asked something; 0: none was
+    std::chrono::steady_clock::time_point since_;
     bool ending_ = false;
     std::thread watch_;
 };
 
-Result<v1::SessionOpened> WorkerSession::open() {
-    const auto at = host_.client();
-    if (!at) return at.error();
-    session_.reset();
-    client_ = at.value().second;
-    start_ = at.value().first;
-    {
-        const WorkerHost::Turn turn(host_, start_);
-        auto session = client_->session(open_);
-        if (!session) return session.error();
-        session_ = std::move(session.value());
+class WorkerSession final : public HostedSession {
+public:
+    WorkerSession(Desk& desk, const std::function<void(uint64_t, const std::string&)>& onEvent, const v1::OpenSession& open,
+                  uint64_t number, std::string recording)
+        : desk_(desk), onEvent_(onEvent), open_(open), number_(number), recording_(std::move(recording)) {}
+    ~WorkerSession() override {
+        if (!line_) return;
+        wire::Request request;
+        request.set_session(number_);
+        request.set_end(true);
+        [[maybe_unused]] const auto ended = desk_.ask(*line_, request);  // a worker that is dead has forgotten it
     }
-    if (answered_ == 0) return session_->opened();
-    auto reader = RecordingReader::open(recording_);
-    if (!reader) return reader.error();
-    for (uint64_t frames = 0; frames < answered_;) {
-        auto entry = reader.value().next();
-        if (!entry) return entry.error();
-        if (!entry.value()) return Error{ErrorCode::kBadData, recording_ + ": it ends before its session did"};
-        v1::SessionRequest request;
-        if (entry.value()->kind != EntryKind::kRequest) continue;
-        if (!request.ParseFromString(entry.value()->message)) return Error{ErrorCode::kBadData, recording_ + ": no request where one must be"};
-        if (!request.has_frame()) continue;
-        const WorkerHost::Turn turn(host_, start_);
-        if (const auto reply = session_->frame(request.frame()); !reply) return reply.error();
-        ++frames;
+
+    /// Opens it with the worker that serves, and asks what was answered already. What the worker says of the session.
+    Result<v1::SessionOpened> open() {
+        auto line = desk_.worker().serving();
+        if (!line) return line.error();
+        line_ = std::move(line.value());
+        wire::Request request;
+        request.set_session(number_);
+        *request.mutable_open() = open_;
+        const auto opened = desk_.ask(*line_, request);
+        if (!opened) return lost(opened.error());
+        if (answered_ > 0)
+            if (const auto again = repeat(); !again) return lost(again.error());
+        return opened.value().opened();
     }
-    host_.tell(number_, "resumed after " + std::to_string(answered_) + " frames");
-    return session_->opened();
-}
 
-Result<Done> WorkerSession::revive() {
-    const auto at = host_.client();
-    if (!at) return at.error();
-    if (session_ && start_ == at.value().first) return Done{};
-    const auto opened = open();
-    if (!opened) return opened.error();
-    return Done{};
-}
-
-Result<v1::FrameReply> WorkerSession::frame(const v1::Frame& request) {
-    const std::lock_guard lock(mutex_);
-    for (int deaths = 0, revivals = 0;;) {
-        auto alive = revive();
-        const bool asked = bool(alive);
-        if (alive) {
-            const Stopwatch watch;
-            const WorkerHost::Turn turn(host_, start_);
-            const double waited = watch.ms();
-            auto reply = session_->frame(request);
+    Result<v1::FrameReply> frame(const v1::Frame& frame) override {
+        const std::lock_guard lock(mutex_);
+        wire::Request request;
+        request.set_session(number_);
+        *request.mutable_frame() = frame;
+        for (int deaths = 0, revivals = 0;;) {
+            const auto alive = revive();
+            double waited = 0;
+            auto reply = alive ? desk_.ask(*line_, request, &waited) : Result<wire::Reply>(alive.error());
             if (reply) {
-                reply.value().mutable_times()->set_wait(waited);
                 ++answered_;
+                v1::FrameReply& drawn = *reply.value().mutable_frame();
+                drawn.mutable_times()->set_wait(waited);
+                return std::move(drawn);
             }
-            if (reply || !fatal(reply.error())) return reply;
-            alive = reply.error();
-        }
-        if (!fatal(alive.error())) return alive.error();
-        session_.reset();
-        host_.worker().discard(start_);
-        if (!asked && ++revivals < kMostRevivals) continue;  // another session's doing, most likely
-        if (++deaths == kMostDeaths)
+            if (!fatal(reply.error())) return reply.error();
+            line_.reset();
+            if (!alive && ++revivals < kMostRevivals) continue;  // another session's doing, most likely
+            if (++deaths < kMostDeaths) continue;
             return Error{ErrorCode::kDevice, "the session's frame " + std::to_string(answered_) + " ended " + std::to_string(deaths) +
-                                                 " workers: " + alive.error().what};
+                                                 " workers: " + reply.error().what};
+        }
     }
-}
 
-template <class Reply>
-Result<Reply> WorkerSession::ask(const std::function<Result<Reply>(Client&)>& question) {
-    const std::lock_guard lock(mutex_);
-    if (const auto alive = revive(); !alive) return alive.error();
-    const WorkerHost::Turn turn(host_, start_);
-    auto reply = question(*client_);
-    if (!reply && fatal(reply.error())) host_.worker().discard(start_);
-    return reply;
-}
+    Result<v1::QueryShadowReply> query(const v1::QueryShadowRequest& request) override {
+        wire::Request asked;
+        *asked.mutable_query() = request;
+        auto reply = ask(asked);
+        if (!reply) return reply.error();
+        return std::move(*reply.value().mutable_query());
+    }
 
-Result<Done> WorkerSession::depthMap(const v1::GetDepthMapRequest& request, const std::function<bool(const v1::DepthTile&)>& take) {
-    std::shared_ptr<Client> client;
-    v1::GetDepthMapRequest asked;
-    {
+    Result<v1::ShadowMask> mask(const v1::GetShadowMaskRequest& request) override {
+        wire::Request asked;
+        *asked.mutable_mask() = request;
+        auto reply = ask(asked);
+        if (!reply) return reply.error();
+        return std::move(*reply.value().mutable_mask());
+    }
+
+    Result<HostedMap> depthMap(const v1::GetDepthMapRequest& request) override {
+        wire::Request asked;
+        *asked.mutable_map() = request;
+        auto reply = ask(asked);
+        if (!reply) return reply.error();
+        wire::DepthMap& from = *reply.value().mutable_map();
+        HostedMap map{std::move(*from.mutable_depths()), from.side(), {}, from.frame()};
+        if (from.has_cascade()) map.cascade = from.cascade();
+        return map;
+    }
+
+private:
+    Error lost(const Error& error) {
+        line_.reset();
+        return error;
+    }
+
+    /// With a session at the worker that serves; opens one where that is another worker than before.
+    Result<Done> revive() {
+        auto serving = desk_.worker().serving();
+        if (!serving) return serving.error();
+        if (line_ == serving.value()) return Done{};
+        const auto opened = open();
+        if (!opened) return opened.error();
+        return Done{};
+    }
+
+    Result<Done> repeat() {
+        auto reader = RecordingReader::open(recording_);
+        if (!reader) return Error{ErrorCode::kBadData, reader.error().what};
+        for (uint64_t frames = 0; frames < answered_;) {
+            const auto entry = reader.value().next();
+            if (!entry) return Error{ErrorCode::kBadData, entry.error().what};
+            if (!entry.value()) return Error{ErrorCode::kBadData, recording_ + ": it ends before its session did"};
+            v1::SessionRequest recorded;
+            if (entry.value()->kind != EntryKind::kRequest) continue;
+            if (!recorded.ParseFromString(entry.value()->message)) return Error{ErrorCode::kBadData, recording_ + ": no request where one must be"};
+            if (!recorded.has_frame()) continue;
+            wire::Request request;
+            request.set_session(number_);
+            *request.mutable_frame() = std::move(*recorded.mutable_frame());
+            request.mutable_frame()->clear_wants();
+            if (const auto reply = desk_.ask(*line_, request); !reply) return reply.error();
+            ++frames;
+        }
+        onEvent_(number_, "resumed after " + std::to_string(answered_) + " frames");
+        return Done{};
+    }
+
+    Result<wire::Reply> ask(wire::Request& request) {
         const std::lock_guard lock(mutex_);
         if (const auto alive = revive(); !alive) return alive.error();
-        client = client_;
-        asked = named(request);
+        request.set_session(number_);
+        auto reply = desk_.ask(*line_, request);
+        if (!reply && fatal(reply.error())) line_.reset();
+        return reply;
     }
-    return client->depthMap(asked, take);
-}
+
+    Desk& desk_;
+    const std::function<void(uint64_t, const std::string&)>& onEvent_;
+    const v1::OpenSession open_;
+    const uint64_t number_;
+    const std::string recording_;
+    std::mutex mutex_;  ///< of what is below
+    std::shared_ptr<WorkerLine> line_;  ///< to the worker that has the session; null: none has
+    uint64_t answered_ = 0;  ///< frames
+};
+
+class WorkerHost final : public SessionHost {
+public:
+    WorkerHost(Worker& worker, std::function<void(uint64_t, const std::string&)> onEvent) : desk_(worker), onEvent_(std::move(onEvent)) {}
+
+    Result<std::vector<std::string>> worlds() override {
+        wire::Request request;
+        request.mutable_list_worlds();
+        const auto reply = ask(request);
+        if (!reply) return reply.error();
+        return std::vector<std::string>(reply.value().worlds().names().begin(), reply.value().worlds().names().end());
+    }
+
+    Result<v1::WorldInfo> openWorld(const std::string& name) override {
+        wire::Request request;
+        request.mutable_open_world()->set_name(name);
+        const auto reply = ask(request);
+        if (!reply) return reply.error();
+        return reply.value().world();
+    }
+
+    Result<std::unique_ptr<HostedSession>> open(const v1::OpenSession& request, uint64_t number, const std::string& recording,
+                                                v1::SessionOpened& opened) override {
+        auto session = std::make_unique<WorkerSession>(desk_, onEvent_, request, number, recording);
+        auto told = session->open();
+        if (!told && fatal(told.error())) told = session->open();  // the worker may have died of something else
+        if (!told) return told.error();
+        opened = std::move(told.value());
+        return std::unique_ptr<HostedSession>(std::move(session));
+    }
+
+private:
+    Result<wire::Reply> ask(const wire::Request& request) {
+        const auto line = desk_.worker().serving();
+        if (!line) return line.error();
+        return desk_.ask(*line.value(), request);
+    }
+
+    Desk desk_;
+    const std::function<void(uint64_t, const std::string&)> onEvent_;
+};
 
 }  // namespace
 
-std::unique_ptr<SessionHost> makeWorkerHost(Worker& worker, const std::string& address,
-                                            std::function<void(uint64_t, const std::string&)> onEvent) {
-    return std::make_unique<WorkerHost>(worker, address, std::move(onEvent));
+std::unique_ptr<SessionHost> makeWorkerHost(Worker& worker, std::function<void(uint64_t, const std::string&)> onEvent) {
+    return std::make_unique<WorkerHost>(worker, std::move(onEvent));
 }
 
 }  // namespace server

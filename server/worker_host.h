@@ -12,11 +12,10 @@
 
 namespace server {
 
-/// Each session needs a recording. One question or frame at a time is asked of the worker, in turns, so that it is known
-/// what it died of: a frame that it died of three times ends its session.
+/// Each session needs a recording. One thing at a time is asked of the worker, in turns, so that it is known what it died
+/// of: a frame that three died of ends its session. A worker that takes five minutes for a frame is hung, and discarded.
 ///   worker   outlives the host
-///   onEvent  a session, by its number, and what it had to go through
-std::unique_ptr<SessionHost> makeWorkerHost(Worker& worker, const std::string& address,
-                                            std::function<void(uint64_t session, const std::string& what)> onEvent);
+///   onEvent  a session, by its number, and what it had to go through; any thread
+std::unique_ptr<SessionHost> makeWorkerHost(Worker& worker, std::function<void(uint64_t session, const std::string& what)> onEvent);
 
 }  // namespace server

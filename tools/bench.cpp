@@ -10,6 +10,7 @@
 #include "tools/bench_occlusion.h"
 #include "tools/bench_report.h"
 #include "tools/bench_run.h"
+#include "tools/bench_service.h"
 #include "tools/bench_sizes.h"
 #include "tools/bench_streaming.h"
 #include "tools/options.h"
@@ -31,13 +32,15 @@ using world::Result;
 
 struct BenchOptions {
     std::string world, path, sizes, work;
-    bool yardstick = false, culling = false, occlusion = false, streaming = false;
+    bool yardstick = false, culling = false, occlusion = false, streaming = false, service = false;
     size_t frames = 900, redraws = 20;
+    CrowdConfig crowd{.sessions = 0};
 };
 
 constexpr double kYardstickMs = 2;  ///< of the goal
 constexpr uint32_t kYardstickSeed = 7;
-constexpr int kCullingRounds = 7, kStreamingRounds = 5;
+constexpr int kCullingRounds = 7, kStreamingRounds = 5, kQuestions = 9;
+constexpr double kDrive = 15;  ///< speed of sessions along the path [m/s]
 
 /// Plays the motions, then prints machine, world and tables; what they cost.
 Result<std::vector<MotionCost>> measure(const world::WorldStore& store, const std::vector<Motion>& motions,
@@ -120,6 +123,23 @@ Result<Done> benchSearch(const BenchOptions& options) {
     return Done{};
 }
 
+Result<Done> benchService(const BenchOptions& options) {
+    const auto track = trackOf(options);
+    if (!track) return track.error();
+    const std::vector<world::Pose> poses = follow(track.value(), kDrive, options.frames);
+    std::printf("before: %s\n", hostText().c_str());
+    if (options.crowd.sessions > 0) {
+        const auto cost = measureCrowd(options.world, poses, options.crowd);
+        if (!cost) return cost.error();
+        std::printf("after:  %s\n\n%s\n%s", hostText().c_str(), crowdText(cost.value(), options.crowd).c_str(), goalText(crowdGoals(cost.value())).c_str());
+        return Done{};
+    }
+    const auto cost = measureService(options.world, poses, kQuestions);
+    if (!cost) return cost.error();
+    std::printf("after:  %s\n\n%s\n%s", hostText().c_str(), serviceText(cost.value()).c_str(), goalText(serviceGoals(cost.value())).c_str());
+    return Done{};
+}
+
 /// A folder that goes with the object.
 struct TemporaryFolder {
     fs::path path;
@@ -161,14 +181,16 @@ Result<Done> run(const BenchOptions& options) {
     const int tasks = int(!options.world.empty()) + int(options.yardstick) + int(!options.sizes.empty());
     if (tasks != 1)
         return Error{ErrorCode::kUsage, "give one of a world, --yardstick and --sizes; --help explains"};
-    const int parts = int(options.culling) + int(options.occlusion) + int(options.streaming);
+    const int parts = int(options.culling) + int(options.occlusion) + int(options.streaming) + int(options.service);
     if ((!options.path.empty() || parts > 0) && options.world.empty())
         return Error{ErrorCode::kUsage,
-                     "--path, --culling, --occlusion, --streaming: only with a world; leave them out"};
-    if (parts > 1) return Error{ErrorCode::kUsage, "give one of --culling, --occlusion and --streaming"};
+                     "--path, --culling, --occlusion, --streaming, --service: only with a world; leave them out"};
+    if (parts > 1) return Error{ErrorCode::kUsage, "give one of --culling, --occlusion, --streaming and --service"};
+    if (options.crowd.sessions > 0 && !options.service) return Error{ErrorCode::kUsage, "--sessions: only with --service"};
     if (options.yardstick) return benchYardstick(options);
     if (options.occlusion) return benchSearch(options);
     if (options.streaming) return benchStreaming(options);
+    if (options.service) return benchService(options);
     if (options.sizes.empty()) return benchWorld(options);
     const auto sizes = parseSizes(options.sizes);
     if (!sizes) return sizes.error();
@@ -191,6 +213,10 @@ int main(int argc, char** argv) {
     app.add_flag("--culling", options.culling, "the queries behind the plans on their own, without a GPU");
     app.add_flag("--occlusion", options.occlusion, "the search for hidden clusters on its own, beside bare Embree");
     app.add_flag("--streaming", options.streaming, "the streamer on its own, beside a bare loop of reads");
+    app.add_flag("--service", options.service, "sessions over the wire beside one in process, and points a second");
+    app.add_option("--sessions", options.crowd.sessions, "with --service: so many sessions at once instead")->check(CLI::Range(1, 1024));
+    app.add_option("--idle", options.crowd.idle, "with --sessions: connections beside them that ask nothing")->check(CLI::Range(0, 8192))->capture_default_str();
+    app.add_option("--seconds", options.crowd.seconds, "with --sessions: for so long [s]")->check(CLI::Range(1.0, 86400.0))->capture_default_str();
     app.add_option("--sizes", options.sizes, "N,N,...: the built-in world with so many instances each");
     app.add_option("--work", options.work, "folder that keeps the worlds of --sizes");
     app.add_option("--frames", options.frames, "most frames of a motion")->check(CLI::Range(1, 1'000'000));

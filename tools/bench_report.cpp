@@ -42,9 +42,9 @@ std::string spread(const std::vector<double>& values) {
     return values.empty() ? "-" : format("%.3f %.3f", median(values), quantile(values, 0.95));
 }
 
-/// Of /proc/self/status [MiB].
-double statusMiB(const std::string& field) {
-    std::ifstream status("/proc/self/status");
+/// Of a file /proc/PID/status [MiB].
+double statusMiB(const std::string& file, const std::string& field) {
+    std::ifstream status(file);
     for (std::string word; status >> word;) {
         double kib = 0;
         if (word == field + ":" && status >> kib) return kib / 1024;
@@ -55,7 +55,7 @@ double statusMiB(const std::string& field) {
 }  // namespace
 
 std::string format(const char* pattern, ...) {
-    char text[512];
+    char text[1024];
     va_list arguments;
     va_start(arguments, pattern);
     std::vsnprintf(text, sizeof text, pattern, arguments);
@@ -88,7 +88,10 @@ std::string worldText(const world::WorldStore& store) {
                   static_cast<unsigned long long>(instancesOf(store)), store.chunks().size(), size.x, size.z);
 }
 
-Memory memory() { return {statusMiB("VmRSS"), statusMiB("VmHWM")}; }
+Memory memory(int process) {
+    const std::string file = "/proc/" + (process > 0 ? std::to_string(process) : "self") + "/status";
+    return {statusMiB(file, "VmRSS"), statusMiB(file, "VmHWM")};
+}
 
 std::string costTables(const std::vector<MotionCost>& costs) {
     std::string text = "ms a frame, median and 95th percentile\n";

@@ -18,11 +18,11 @@ std::string machineText(const gpu::Device& device);
 std::string worldText(const world::WorldStore& store);
 uint64_t instancesOf(const world::WorldStore& store);
 
-/// Resident memory of this process [MiB]: now, and the most so far; 0 where /proc does not say.
+/// Resident memory of a process [MiB], by default this one: now, and the most so far; 0 where /proc does not say.
 struct Memory {
     double nowMiB = 0, mostMiB = 0;
 };
-Memory memory();
+Memory memory(int process = 0);
 
 /// Times, ratios, counts and the share of each stage, one row a motion.
 std::string costTables(const std::vector<MotionCost>& costs);

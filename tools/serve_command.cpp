@@ -2,8 +2,6 @@
 
 #include <CLI/CLI.hpp>
 
-#include <unistd.h>
-
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -17,9 +15,9 @@
 #include "server/http_server.h"
 #include "server/live_board.h"
 #include "server/local_host.h"
-#include "server/recording.h"
 #include "server/service.h"
 #include "server/worker_host.h"
+#include "server/worker_loop.h"
 #include "server/world_folder.h"
 #include "tools/method_file.h"
 #include "tools/option_file.h"
@@ -35,7 +33,7 @@ struct ServeOptions {
     server::ServiceConfig service;
     server::SessionLimits session;
     std::string worlds;
-    std::string workerFor;  ///< address at which it draws for the process that started it; empty: it is that process
+    bool worker = false;  ///< it draws for the process that started it
     server::TlsFiles tls;
     std::string config, maps;
     int httpPort = -1;  ///< -1: no page
@@ -59,9 +57,6 @@ void log(const server::ServiceEvent& event) {
     std::printf("%s\n", line.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
     std::fflush(stdout);
 }
-
-constexpr double kNever = 1e9;           ///< [s]
-constexpr int kInheritedSocket = 3;      ///< WorkerConfig::inherited
 
 uint64_t bytesOf(double mebibytes) { return uint64_t(mebibytes * 1048576); }
 
@@ -105,10 +100,9 @@ Result<int> supervise(ServeOptions& options, const sigset_t& ends) {
     const RuntimeFolder runtime;
     if (runtime.path().empty()) return Error{ErrorCode::kIo, "serve: no temporary folder can be made; set TMPDIR"};
     server::WorkerConfig config;
-    config.address = "unix:" + runtime.path() + "/worker";
     std::vector<std::string> words = ownCommandLine();
     words.front() = "/proc/self/exe";
-    words.insert(words.end(), {"--worker-for", config.address});
+    words.push_back("--worker");
     config.command = [words](uint64_t) { return words; };
     int page = 0;
     if (options.httpPort >= 0) {
@@ -119,7 +113,7 @@ Result<int> supervise(ServeOptions& options, const sigset_t& ends) {
     }
     const auto worker = server::Worker::start(config, [](const std::string& what) { log({"worker", 0, what, 0}); });
     if (!worker) return worker.error();
-    const auto host = server::makeWorkerHost(*worker.value(), config.address, [](uint64_t session, const std::string& what) {
+    const auto host = server::makeWorkerHost(*worker.value(), [](uint64_t session, const std::string& what) {
         log({"worker", session, what, 0});
     });
     if (options.service.record.empty()) {
@@ -135,32 +129,22 @@ Result<int> supervise(ServeOptions& options, const sigset_t& ends) {
     return 0;
 }
 
-/// Draws for the process at the other end of standard input, until that ends.
+/// Draws for the process that started this one, until that ends.
 Result<int> work(ServeOptions& options) {
     auto device = gpu::Device::create(options.device);
     if (!device) return device.error();
     server::LiveBoard board;
     const auto host = server::makeLocalHost(*device.value(), options.worlds, options.session, &board);
     if (!host) return host.error();
-    server::ServiceConfig config;  // who may ask what is the front end's to say
-    config.listen = options.workerFor;
-    config.sessions = 2 * options.service.sessions;
-    config.messageBytes = server::kLongestMessage;
-    config.idleSeconds = config.unreadSeconds = kNever;
-    config.maps = options.service.maps;
-    const auto service = server::Service::start(*host.value(), config, {});
-    if (!service) return service.error();
     std::unique_ptr<server::HttpServer> http;
     if (options.httpPort >= 0) {
-        auto started = server::HttpServer::start(board, {.socket = kInheritedSocket});
+        auto started = server::HttpServer::start(board, {.socket = server::kWorkerInherited});
         if (!started) return started.error();
         http = std::move(started.value());
     }
     board.setReady(true);
-    char nothing;
-    while (::read(STDIN_FILENO, &nothing, 1) > 0) {}
-    board.setReady(false);
-    service.value()->stop(std::chrono::milliseconds(0));
+    const auto done = server::runWorker(*host.value());
+    if (!done) return done.error();
     return 0;
 }
 
@@ -188,7 +172,7 @@ Result<int> runServe(ServeOptions& options, CLI::App& parser) {
     for (const int signal : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&ends, signal);
     pthread_sigmask(SIG_BLOCK, &ends, nullptr);
     std::signal(SIGPIPE, SIG_IGN);
-    return options.workerFor.empty() ? supervise(options, ends) : work(options);
+    return options.worker ? work(options) : supervise(options, ends);
 }
 
 }  // namespace
@@ -220,7 +204,7 @@ Command addServeCommand(CLI::App& app) {
     parser->add_option("--idle-seconds", options->service.idleSeconds, "without a request a session ends [s]")->check(above)->capture_default_str();
     parser->add_option("--unread-seconds", options->service.unreadSeconds, "a reply waits for its reader [s]")->check(above)->capture_default_str();
     parser->add_option("--stop-seconds", options->stopSeconds, "a frame may go on after SIGTERM [s]")->check(CLI::Range(0.0, 3600.0))->capture_default_str();
-    parser->add_option("--worker-for", options->workerFor, "how the front end starts the process that draws")->group("");
+    parser->add_flag("--worker", options->worker, "how the front end starts the process that draws")->group("");
     parser->add_option("--lose-device-after", options->device.loseAfter, "for tests: submissions until the device counts as lost")->group("");
     parser->add_option("--device", options->device.nameContains, "use the first device whose name contains this");
     return {parser, [options, parser] { return runServe(*options, *parser); }};

@@ -20,11 +20,9 @@ namespace v1 = gnomon::v1;
 struct Supervised {
     /// `more`: arguments of a start, counted from 1.
     explicit Supervised(std::function<std::vector<std::string>(uint64_t)> more = {}) {
-        const std::string address = "unix:" + tests::temporary("worker.sock");
         server::WorkerConfig config;
-        config.address = address;
         config.command = [=](uint64_t start) {
-            std::vector<std::string> words{GNOMON_BINARY, "serve", "--worlds", tests::servedFolder(), "--geometry-mib", "16", "--worker-for", address};
+            std::vector<std::string> words{GNOMON_BINARY, "serve", "--worlds", tests::servedFolder(), "--geometry-mib", "16", "--worker"};
             if (more)
                 for (const std::string& word : more(start)) words.push_back(word);
             return words;
@@ -37,7 +35,7 @@ struct Supervised {
         front.keepRecordings = false;
         std::filesystem::create_directory(front.record);
         recordings = front.record;
-        running.emplace(front, server::makeWorkerHost(*worker, address, [this](uint64_t, const std::string&) { ++resumed; }));
+        running.emplace(front, server::makeWorkerHost(*worker, [this](uint64_t, const std::string&) { ++resumed; }));
     }
     std::unique_ptr<server::Worker> worker;
     std::atomic<int> resumed = 0;
@@ -159,7 +157,6 @@ TEST(Worker, EndsWithWhoStartedItAndSaysWhereItCannotStart) {
     }
     EXPECT_EQ(::kill(pid, 0), -1);
     server::WorkerConfig config;
-    config.address = "unix:" + tests::temporary("nobody.sock");
     for (const char* program : {"/bin/false", "/nowhere/program"}) {
         config.command = [=](uint64_t) { return std::vector<std::string>{program}; };
         const auto refused = server::Worker::start(config, [](const std::string&) {});

@@ -1,0 +1,273 @@
+#include "tools/bench_service.h"
+
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <filesystem>
+#include <memory>
+#include <mutex>
+#include <random>
+#include <thread>
+
+#include "server/client.h"
+#include "server/local_host.h"
+#include "server/service.h"
+#include "server/stopwatch.h"
+#include "server/worker_host.h"
+#include "server/world_folder.h"
+#include "tools/bench_motion.h"
+#include "tools/summary.h"
+
+namespace tools {
+namespace {
+
+namespace fs = std::filesystem;
+namespace v1 = gnomon::v1;
+using world::Error;
+using world::ErrorCode;
+using world::Result;
+
+constexpr size_t kPoints = 1'000'000;  ///< of a question
+constexpr double kReach = 80;          ///< points lie so far from the eye [m]
+constexpr double kOverheadMs = 0.5, kPointsPerSecond = 1e6, kFair = 2, kGrowth = 1.05;
+
+/// A folder for sockets and recordings, gone with the object.
+struct Scratch {
+    std::string path;
+    Scratch() {
+        std::string pattern = (fs::temp_directory_path() / "gnomon-bench-XXXXXX").string();
+        if (::mkdtemp(pattern.data())) path = pattern;
+    }
+    ~Scratch() {
+        std::error_code ignored;
+        if (!path.empty()) fs::remove_all(path, ignored);
+    }
+    Scratch(const Scratch&) = delete;
+    Scratch& operator=(const Scratch&) = delete;
+};
+
+/// A front end of this process with a worker behind it.
+class Supervised {
+public:
+    static Result<std::unique_ptr<Supervised>> start(const std::string& worldFolder, size_t sessions) {
+        auto made = std::make_unique<Supervised>();
+        if (made->scratch_.path.empty()) return Error{ErrorCode::kIo, "no temporary folder can be made: check TMPDIR"};
+        std::error_code error;
+        const fs::path program = fs::read_symlink("/proc/self/exe", error).parent_path() / "gnomon";
+        if (!fs::exists(program, error)) return Error{ErrorCode::kNotFound, program.string() + ": build it; it is the worker"};
+        server::WorkerConfig config;
+        config.command = [=](uint64_t) {
+            return std::vector<std::string>{program.string(), "serve", "--worlds", worldFolder, "--worker"};
+        };
+        auto worker = server::Worker::start(config, [](const std::string&) {});
+        if (!worker) return worker.error();
+        made->worker_ = std::move(worker.value());
+        made->host_ = server::makeWorkerHost(*made->worker_, [](uint64_t, const std::string&) {});
+        server::ServiceConfig front;
+        front.listen = "unix:" + made->scratch_.path + "/front";
+        front.record = made->scratch_.path;
+        front.keepRecordings = false;
+        front.sessions = sessions;
+        auto service = server::Service::start(*made->host_, front, {});
+        if (!service) return service.error();
+        made->service_ = std::move(service.value());
+        return made;
+    }
+    const std::string& address() const { return service_->address(); }
+    pid_t worker() const { return worker_->pid(); }
+
+private:
+    Scratch scratch_;
+    std::unique_ptr<server::Worker> worker_;
+    std::unique_ptr<server::SessionHost> host_;
+    std::unique_ptr<server::Service> service_;
+};
+
+v1::Frame frameOf(const world::Pose& pose, double time) {
+    v1::Frame frame;
+    frame.set_time(time);
+    v1::Camera* camera = frame.add_cameras();
+    camera->mutable_position()->set_x(pose.position.x);
+    camera->mutable_position()->set_y(pose.position.y);
+    camera->mutable_position()->set_z(pose.position.z);
+    camera->mutable_orientation()->set_x(pose.orientation.x);
+    camera->mutable_orientation()->set_y(pose.orientation.y);
+    camera->mutable_orientation()->set_z(pose.orientation.z);
+    camera->mutable_orientation()->set_w(pose.orientation.w);
+    return frame;
+}
+
+std::string pointsAround(glm::dvec3 eye) {
+    std::mt19937_64 rng(7);
+    std::vector<glm::dvec3> points(kPoints);
+    for (glm::dvec3& p : points)
+        for (int axis = 0; axis < 3; ++axis)
+            p[axis] = eye[axis] + (axis == 1 ? 0.05 : 1) * kReach * (2 * double(rng() >> 11) / double(1ull << 53) - 1);
+    return {reinterpret_cast<const char*>(points.data()), points.size() * sizeof points[0]};
+}
+
+}  // namespace
+
+Result<ServiceCost> measureService(const std::string& world, std::span<const world::Pose> poses, int questions) {
+    const fs::path file = fs::absolute(world);
+    auto device = gpu::Device::create({});
+    if (!device) return device.error();
+    v1::OpenSession open;
+    open.set_world(file.stem().string());
+    const server::SessionLimits limits;
+
+    const auto folder = server::WorldFolder::create(file.parent_path().string());
+    if (!folder) return folder.error();
+    const auto opened = folder.value()->open(open.world());
+    if (!opened) return opened.error();
+    const auto direct = server::Session::open(*device.value(), opened.value()->store, open, limits);
+    if (!direct) return direct.error();
+
+    const Scratch scratch;
+    const auto host = server::makeLocalHost(*device.value(), file.parent_path().string(), limits);
+    if (!host) return host.error();
+    server::ServiceConfig config;
+    config.listen = "unix:" + scratch.path + "/local";
+    const auto service = server::Service::start(*host.value(), config, {});
+    if (!service) return service.error();
+    auto localClient = server::Client::connect(service.value()->address());
+    const auto supervised = Supervised::start(file.parent_path().string(), 4);
+    if (!supervised) return supervised.error();
+    auto workerClient = server::Client::connect(supervised.value()->address());
+    if (!localClient || !workerClient) return Error{ErrorCode::kIo, "no client"};
+    const auto local = localClient.value().session(open), worker = workerClient.value().session(open);
+    if (!local) return local.error();
+    if (!worker) return worker.error();
+
+    ServiceCost cost;
+    const auto timed = [](std::vector<double>& times, const auto& call) -> Result<world::Done> {
+        const server::Stopwatch watch;
+        const auto reply = call();
+        times.push_back(watch.ms());
+        if (!reply) return reply.error();
+        return world::Done{};
+    };
+    for (size_t k = 0; k < poses.size(); ++k) {
+        const v1::Frame frame = frameOf(poses[k], double(k) / kBenchFps);
+        for (size_t turn = 0; turn < 3; ++turn) {  // none is always the first after another
+            const size_t lane = (turn + k) % 3;
+            const auto done = lane == 0   ? timed(cost.direct, [&] { return direct.value()->frame(frame); })
+                              : lane == 1 ? timed(cost.local, [&] { return local.value()->frame(frame); })
+                                          : timed(cost.worker, [&] { return worker.value()->frame(frame); });
+            if (!done) return done.error();
+        }
+    }
+    v1::QueryShadowRequest query;
+    query.set_points(pointsAround(poses.back().position));
+    cost.points = kPoints;
+    for (int round = 0; round < questions; ++round) {
+        if (const auto done = timed(cost.directQuery, [&] { return direct.value()->query(query); }); !done) return done.error();
+        v1::QueryShadowRequest asked = query;
+        asked.set_session(worker.value()->opened().session());
+        if (const auto done = timed(cost.workerQuery, [&] { return workerClient.value().query(asked); }); !done) return done.error();
+    }
+    return cost;
+}
+
+std::string serviceText(const ServiceCost& cost) {
+    const double direct = median(cost.direct);
+    const auto row = [&](const char* name, const std::vector<double>& ms) {
+        return format("%-34s %8.3f ms  %+8.3f ms\n", name, median(ms), median(ms) - direct);
+    };
+    const auto rate = [&](const std::vector<double>& ms) { return double(cost.points) / median(ms) / 1e3; };
+    return format("median of %zu frames\n", cost.direct.size()) + row("in process", cost.direct) + row("over the wire", cost.local) +
+           row("over the wire, with a worker", cost.worker) + format("median of %zu questions of %zu points\n", cost.directQuery.size(), cost.points) +
+           format("in process                         %8.2f million points a second\n", rate(cost.directQuery)) +
+           format("over the wire, with a worker       %8.2f million points a second\n", rate(cost.workerQuery));
+}
+
+std::vector<Goal> serviceGoals(const ServiceCost& cost) {
+    const double more = median(cost.worker) - median(cost.direct), rate = double(cost.points) / median(cost.workerQuery) * 1e3;
+    return {{"service: a frame at most 0.5 ms above one in process", format("%.3f ms", more), more <= kOverheadMs},
+            {"service: at least 1 million points a second", format("%.2f million", rate / 1e6), rate >= kPointsPerSecond}};
+}
+
+Result<CrowdCost> measureCrowd(const std::string& world, std::span<const world::Pose> poses, const CrowdConfig& config) {
+    rlimit files{};
+    if (::getrlimit(RLIMIT_NOFILE, &files) == 0) {
+        files.rlim_cur = files.rlim_max;
+        ::setrlimit(RLIMIT_NOFILE, &files);
+    }
+    const fs::path file = fs::absolute(world);
+    const auto supervised = Supervised::start(file.parent_path().string(), config.sessions);
+    if (!supervised) return supervised.error();
+    std::vector<server::Client> idle;
+    for (size_t i = 0; i < config.idle; ++i) {
+        auto client = server::Client::connect(supervised.value()->address());
+        if (!client) return client.error();
+        if (const auto there = client.value().healthy(); !there) return Error{ErrorCode::kIo, "idle connection " + std::to_string(i) + ": " + there.error().what};
+        idle.push_back(std::move(client.value()));
+    }
+    CrowdCost cost;
+    cost.frames.assign(config.sessions, 0);
+    std::atomic<bool> over = false;
+    std::mutex mutex;
+    const auto fail = [&](const Error& error) {
+        const std::lock_guard lock(mutex);
+        if (cost.errors++ == 0) cost.firstError = error.what;
+    };
+    const auto live = [&](size_t number) {
+        auto client = server::Client::connect(supervised.value()->address());
+        if (!client) return fail(client.error());
+        v1::OpenSession open;
+        open.set_world(file.stem().string());
+        open.set_side(512);
+        open.set_cascades(3);
+        open.set_far(200);
+        const auto session = client.value().session(open);
+        if (!session) return fail(session.error());
+        for (uint64_t k = 0; !over; ++k) {
+            const size_t at = (number * poses.size() / config.sessions + k) % poses.size();
+            const auto reply = session.value()->frame(frameOf(poses[at], double(k) / kBenchFps));
+            if (!reply) return fail(reply.error());
+            if (reply.value().errors_size() > 0) fail({ErrorCode::kBadData, reply.value().errors(0).what()});
+            ++cost.frames[number];
+        }
+        if (const auto closed = session.value()->close(); !closed) fail(closed.error());
+    };
+    const server::Stopwatch watch;
+    std::vector<std::thread> threads;
+    for (size_t n = 0; n < config.sessions; ++n) threads.emplace_back(live, n);
+    std::this_thread::sleep_for(std::chrono::duration<double>(config.seconds / 4));
+    cost.frontThen = memory().nowMiB;
+    cost.workerThen = memory(supervised.value()->worker()).nowMiB;
+    std::this_thread::sleep_for(std::chrono::duration<double>(config.seconds * 3 / 4));
+    cost.frontNow = memory().nowMiB;
+    cost.workerNow = memory(supervised.value()->worker()).nowMiB;
+    cost.seconds = watch.ms() / 1e3;
+    over = true;
+    for (std::thread& thread : threads) thread.join();
+    for (size_t i = 0; i < idle.size(); ++i)
+        if (const auto there = idle[i].healthy(); !there) fail(there.error());
+    return cost;
+}
+
+std::string crowdText(const CrowdCost& cost, const CrowdConfig& config) {
+    uint64_t all = 0;
+    for (const uint64_t n : cost.frames) all += n;
+    const auto [least, most] = std::minmax_element(cost.frames.begin(), cost.frames.end());
+    return format("%zu sessions, %zu idle connections, %.0f s: %llu frames, %.0f a second; of one session %llu to %llu; %llu errors%s%s\n"
+                  "memory after a quarter of the time, and at its end: front end %.0f and %.0f MiB, worker %.0f and %.0f MiB\n",
+                  config.sessions, config.idle, cost.seconds, static_cast<unsigned long long>(all), double(all) / cost.seconds,
+                  static_cast<unsigned long long>(*least), static_cast<unsigned long long>(*most),
+                  static_cast<unsigned long long>(cost.errors), cost.errors > 0 ? ", the first: " : "", cost.firstError.c_str(),
+                  cost.frontThen, cost.frontNow, cost.workerThen, cost.workerNow);
+}
+
+std::vector<Goal> crowdGoals(const CrowdCost& cost) {
+    const auto [least, most] = std::minmax_element(cost.frames.begin(), cost.frames.end());
+    const double ratio = *least > 0 ? double(*most) / double(*least) : 1e9;
+    const double growth = (cost.frontNow + cost.workerNow) / (cost.frontThen + cost.workerThen);
+    return {{"sessions: no error", std::to_string(cost.errors), cost.errors == 0},
+            {"sessions: nobody has twice another's frames", format("%.2f", ratio), ratio <= kFair},
+            {"sessions: memory within a twentieth of what it was", format("%.3f", growth), growth <= kGrowth}};
+}
+
+}  // namespace tools
