@@ -350,7 +350,7 @@ Service::~Service() { stop(std::chrono::milliseconds(0)); }
 Result<std::unique_ptr<Service>> Service::start(SessionHost& host, const ServiceConfig& config,
                                                 std::function<void(const ServiceEvent&)> onEvent) {
     if (config.sessions == 0 || config.messageBytes == 0 || config.waitingFrames == 0 || !(config.idleSeconds > 0) ||
-        !(config.unreadSeconds > 0) || config.messageBytes > kLongestMessage)
+        !(config.unreadSeconds > 0) || !(config.silentSeconds > 0) || config.messageBytes > kLongestMessage)
         return Error{ErrorCode::kUsage, "limits of the service: give more than 0 of each, and messages of at most 256 MiB"};
     auto impl = std::make_unique<Impl>(host, config, std::move(onEvent));
     if (!config.record.empty() && !std::filesystem::is_directory(config.record))
@@ -366,6 +366,11 @@ Result<std::unique_ptr<Service>> Service::start(SessionHost& host, const Service
     builder.AddListeningPort(config.listen, credentials.value(), &port);
     builder.SetMaxReceiveMessageSize(int(config.messageBytes));
     builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);  // a second server is told that the address is taken
+    const int silent = int(std::clamp(config.silentSeconds * 1e3, 1.0, 1e9));
+    for (const char* argument : {GRPC_ARG_KEEPALIVE_TIME_MS, GRPC_ARG_KEEPALIVE_TIMEOUT_MS, GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS})
+        builder.AddChannelArgument(argument, silent);
+    builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
+    builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
     builder.RegisterService(impl.get());
     impl->server = builder.BuildAndStart();
     if (!impl->server || (port == 0 && !config.listen.starts_with("unix:")))

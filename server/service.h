@@ -25,6 +25,7 @@ struct ServiceConfig {
     size_t waitingFrames = 64;                ///< that become one where the latest pose wins, > 0
     double idleSeconds = 600;                 ///< without a request a session ends, > 0
     double unreadSeconds = 30;                ///< so long may a reply wait for its reader, > 0
+    double silentSeconds = 20;                ///< a connection that says nothing is asked for a sign of life, which may take as long, > 0
     ShadowConfig maps;                        ///< what a session's request leaves open is as here
 };
 

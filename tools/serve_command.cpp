@@ -2,6 +2,9 @@
 
 #include <CLI/CLI.hpp>
 
+#include <google/protobuf/stubs/logging.h>
+#include <grpc/support/log.h>
+
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -56,6 +59,14 @@ void log(const server::ServiceEvent& event) {
     if (event.frames > 0) line["frames"] = event.frames;
     std::printf("%s\n", line.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
     std::fflush(stdout);
+}
+
+/// What libraries have to say goes into the log as well. Requests that are none are told to who sent them.
+void listenToLibraries() {
+    google::protobuf::SetLogHandler(nullptr);
+    gpr_set_log_function([](gpr_log_func_args* said) {
+        if (said->severity == GPR_LOG_SEVERITY_ERROR) log({"grpc", 0, said->message, 0});
+    });
 }
 
 uint64_t bytesOf(double mebibytes) { return uint64_t(mebibytes * 1048576); }
@@ -172,6 +183,7 @@ Result<int> runServe(ServeOptions& options, CLI::App& parser) {
     for (const int signal : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&ends, signal);
     pthread_sigmask(SIG_BLOCK, &ends, nullptr);
     std::signal(SIGPIPE, SIG_IGN);
+    listenToLibraries();
     return options.worker ? work(options) : supervise(options, ends);
 }
 
@@ -203,6 +215,7 @@ Command addServeCommand(CLI::App& app) {
     parser->add_option("--geometry-mib", options->geometryMiB, "of these, on the GPU [MiB]")->check(above)->capture_default_str();
     parser->add_option("--idle-seconds", options->service.idleSeconds, "without a request a session ends [s]")->check(above)->capture_default_str();
     parser->add_option("--unread-seconds", options->service.unreadSeconds, "a reply waits for its reader [s]")->check(above)->capture_default_str();
+    parser->add_option("--silent-seconds", options->service.silentSeconds, "a connection says nothing before it is asked for a sign of life, which may take as long [s]")->check(above)->capture_default_str();
     parser->add_option("--stop-seconds", options->stopSeconds, "a frame may go on after SIGTERM [s]")->check(CLI::Range(0.0, 3600.0))->capture_default_str();
     parser->add_flag("--worker", options->worker, "how the front end starts the process that draws")->group("");
     parser->add_option("--lose-device-after", options->device.loseAfter, "for tests: submissions until the device counts as lost")->group("");

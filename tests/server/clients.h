@@ -33,11 +33,11 @@ inline server::ServiceConfig serviceConfig() {
     return config;
 }
 
-/// Over that folder, on the tests' device.
-inline std::unique_ptr<server::SessionHost> localHost() {
+/// Over that folder.
+inline std::unique_ptr<server::SessionHost> localHost(gpu::Device& device = validatedDevice()) {
     server::SessionLimits limits;
     limits.geometryBytes = 16 << 20;
-    auto made = server::makeLocalHost(validatedDevice(), servedFolder(), limits);
+    auto made = server::makeLocalHost(device, servedFolder(), limits);
     if (!made) throw std::runtime_error(made.error().what);
     return std::move(made.value());
 }

@@ -399,23 +399,6 @@ TEST(Service, WhoDoesNotReadIsDropped) {
     EXPECT_TRUE(running.empty());
 }
 
-TEST(Service, ClientsThatVanishLeaveNothing) {
-    Running running;
-    for (int i = 0; i < 100; ++i) {
-        server::Client client = running.client();
-        v1::OpenSession open = openStreets();
-        open.set_side(64);
-        open.set_cascades(1);
-        auto session = client.session(open);
-        ASSERT_TRUE(session) << i << ": " << session.error().what;
-        for (int k = 0; k < i % 3; ++k) ASSERT_TRUE(session.value()->send(lifeFrame(uint64_t(k))));
-        session.value().reset();  // in the middle of a frame, or before one
-    }
-    EXPECT_TRUE(running.empty());
-    EXPECT_EQ(running.told("opened"), running.told("ended"));
-    tests::expectSilence();
-}
-
 TEST(Service, AStopLetsFramesEndAndTellsTheRest) {
     Running running;
     server::Client client = running.client();

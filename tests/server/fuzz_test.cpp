@@ -1,0 +1,208 @@
+// Random changes of sound requests and recordings: whatever still parses is answered or refused by name, and what the session
+// draws afterwards is still right to the bit.
+#include <google/protobuf/stubs/logging.h>
+
+#include <chrono>
+#include <fstream>
+#include <random>
+
+#include "server/recording.h"
+#include "server/session.h"
+#include "server/session_replay.h"
+#include "tests/server/clients.h"
+#include "world/hash.h"
+
+namespace {
+
+using tests::lifeFrame;
+using tests::openStreets;
+namespace v1 = gnomon::v1;
+
+/// For requests, and as much again for recordings.
+constexpr std::chrono::seconds kTime{30};
+
+class Mutator {
+public:
+    explicit Mutator(uint64_t seed) : rng_(seed) {}
+    size_t below(size_t n) { return rng_() % n; }
+    /// A few changes: bytes, doubles that are special, pieces left out, doubled or from elsewhere.
+    void change(std::string& bytes, const std::string& other) {
+        static constexpr double kSpecial[] = {0, -0.0, 1e308, -1e308, 1e-320, 1e9, -1e9, 1e100, std::numeric_limits<double>::infinity(),
+                                              std::numeric_limits<double>::quiet_NaN(), 4294967296.0, 9223372036854775808.0};
+        for (size_t n = 1 + below(4); n > 0 && !bytes.empty(); --n) {
+            const size_t at = below(bytes.size()), length = std::min(bytes.size() - at, 1 + below(24));
+            switch (below(7)) {
+                case 0: bytes[at] = char(rng_()); break;
+                case 1: bytes[at] = char(bytes[at] ^ (1 << below(8))); break;
+                case 2: bytes.erase(at, length); break;
+                case 3: bytes.insert(at, bytes.substr(at, length)); break;
+                case 4: bytes.insert(at, other.substr(below(other.size()), 1 + below(24))); break;
+                default: {
+                    // Fields of doubles have wire type 1: after such a tag, most likely, comes one.
+                    size_t tag = at;
+                    while (tag < bytes.size() && (bytes[tag] & 7) != 1) ++tag;
+                    if (tag + 9 > bytes.size()) break;
+                    std::memcpy(&bytes[tag + 1], &kSpecial[below(std::size(kSpecial))], 8);
+                }
+            }
+        }
+    }
+
+private:
+    std::mt19937_64 rng_;
+};
+
+v1::Frame richFrame(uint64_t k) {
+    v1::Frame frame = lifeFrame(k % 40);
+    frame.clear_wants();
+    frame.mutable_cameras(0)->set_vertical_fov(1);
+    tests::put(frame.mutable_sun(), {0.3, -0.9, 0.2});
+    v1::SpotUpdate* spot = frame.add_spots();
+    spot->set_spot(k % 3);
+    tests::put(spot->mutable_shine()->mutable_position(), {double(k % 9), 9, 0});
+    tests::put(spot->mutable_shine()->mutable_direction(), {0, -1, 0.1});
+    spot->mutable_shine()->set_side(64);
+    v1::ObjectUpdate* update = frame.add_objects();
+    update->set_object(k % 5);
+    switch (k % 4) {
+        case 0: tests::put(update->mutable_spawn()->mutable_placement()->mutable_translation(), {1, 2, 3}); break;
+        case 1: update->mutable_mark()->set_deforms(true); break;
+        case 2: tests::put(update->mutable_move()->mutable_translation(), {2, 2, 3}); break;
+        default: update->mutable_remove();
+    }
+    frame.add_edits()->mutable_capsule()->set_radius(2);
+    frame.mutable_budget()->set_texels(4000);
+    frame.mutable_wants()->set_dearest_casters(2);
+    return frame;
+}
+
+TEST(Fuzz, RequestsAreAnsweredOrRefusedByName) {
+    const auto folder = server::WorldFolder::create(tests::servedFolder());
+    const auto world = folder.value()->open("streets");
+    server::SessionLimits limits;
+    limits.geometryBytes = 16 << 20;
+    limits.mapBytes = 8 << 20;
+    limits.objects = 200;
+    v1::OpenSession open = openStreets();
+    open.set_cascades(2);
+    open.set_side(64);
+    open.set_moving_sun(true);
+    const auto fresh = [&](const v1::OpenSession& request) {
+        return server::Session::open(tests::validatedDevice(), world.value()->store, request, limits);
+    };
+    const auto before = google::protobuf::SetLogHandler(nullptr);  // each request that is none would have its line
+    Mutator mutator(1);
+    auto session = fresh(open);
+    ASSERT_TRUE(session) << session.error().what;
+    const auto end = std::chrono::steady_clock::now() + kTime;
+    uint64_t frames = 0, refused = 0, opened = 0, questions = 0;
+    const auto named = [](const world::Error& error) {
+        return error.code != world::ErrorCode::kDevice && error.code != world::ErrorCode::kIo && !error.what.empty();
+    };
+    for (uint64_t k = 0; std::chrono::steady_clock::now() < end; ++k) {
+        std::string bytes = richFrame(k).SerializeAsString();
+        mutator.change(bytes, richFrame(mutator.below(1000)).SerializeAsString());
+        v1::Frame frame;
+        if (!frame.ParseFromString(bytes)) continue;
+        const auto reply = session.value()->frame(frame);
+        if (reply) frames += reply.value().cascades_size() > 0;
+        else {
+            ++refused;
+            ASSERT_TRUE(named(reply.error())) << reply.error().what << "\n" << frame.DebugString();
+        }
+        if (k % 8 == 0) {
+            v1::QueryShadowRequest query;
+            const double points[] = {1, 2, 3, 4, 5, 6};
+            query.set_points(points, sizeof points);
+            query.set_bias_metres(0.1);
+            query.set_by_rays(true);
+            query.set_spot(0);
+            bytes = query.SerializeAsString();
+            mutator.change(bytes, bytes);
+            if (query.ParseFromString(bytes)) {
+                const auto answer = session.value()->query(query);
+                questions += bool(answer);
+                ASSERT_TRUE(answer || named(answer.error())) << answer.error().what << "\n" << query.DebugString();
+            }
+        }
+        if (k % 64 == 0) {
+            bytes = open.SerializeAsString();
+            mutator.change(bytes, bytes);
+            v1::OpenSession request;
+            if (!request.ParseFromString(bytes)) continue;
+            const auto another = fresh(request);
+            opened += bool(another);
+            ASSERT_TRUE(another || named(another.error())) << another.error().what << "\n" << request.DebugString();
+        }
+        if (k % 500 == 0) {  // before its clock has run away for good
+            v1::Frame sound;
+            sound.set_time(1e300);
+            tests::put(sound.add_cameras()->mutable_position(), {0, 2, 0});
+            sound.mutable_budget();
+            const auto drawn = session.value()->frame(sound);
+            ASSERT_TRUE(drawn) << drawn.error().what;
+            if (session.value()->frames() > 0) {
+                const auto verified = session.value()->system().verify();
+                ASSERT_TRUE(verified) << verified.error().what;
+                ASSERT_EQ(verified.value().differing, 0u) << "after " << k << " requests";
+            }
+            session = fresh(open);
+            ASSERT_TRUE(session);
+        }
+    }
+    google::protobuf::SetLogHandler(before);
+    EXPECT_GT(frames, 100u);
+    EXPECT_GT(questions, 10u);
+    EXPECT_GT(opened, 3u);
+    tests::expectSilence();
+    std::printf("%llu frames drawn, %llu refused, %llu questions answered, %llu sessions opened\n", static_cast<unsigned long long>(frames),
+                static_cast<unsigned long long>(refused), static_cast<unsigned long long>(questions), static_cast<unsigned long long>(opened));
+}
+
+TEST(Fuzz, RecordingsAreReadToWhereTheyAreSound) {
+    const std::string sound = tests::temporary("sound.gnomonrec"), changed = tests::temporary("changed.gnomonrec");
+    {
+        auto writer = server::RecordingWriter::create(sound);
+        ASSERT_TRUE(writer);
+        for (uint64_t k = 0; k < 20; ++k) {
+            v1::SessionRequest request;
+            *request.mutable_frame() = lifeFrame(k);
+            ASSERT_TRUE(writer.value().add(server::EntryKind::kRequest, request.SerializeAsString()));
+        }
+    }
+    std::ifstream file(sound, std::ios::binary);
+    const std::string bytes{std::istreambuf_iterator<char>(file), {}};
+    Mutator mutator(2);
+    const auto end = std::chrono::steady_clock::now() + kTime;
+    uint64_t whole = 0, damaged = 0, torn = 0;
+    while (std::chrono::steady_clock::now() < end) {
+        std::string other = bytes;
+        if (mutator.below(4) == 0) other.resize(mutator.below(other.size()));
+        else mutator.change(other, bytes);
+        std::ofstream(changed, std::ios::binary | std::ios::trunc) << other;
+        auto reader = server::RecordingReader::open(changed);
+        if (!reader) {
+            ASSERT_EQ(reader.error().code, world::ErrorCode::kBadData);
+            continue;
+        }
+        uint64_t entries = 0;
+        for (;; ++entries) {
+            const auto entry = reader.value().next();
+            if (!entry) {
+                ASSERT_EQ(entry.error().code, world::ErrorCode::kBadData);
+                ++damaged;
+                break;
+            }
+            if (!entry.value()) break;
+            v1::SessionRequest request;
+            ASSERT_TRUE(request.ParseFromString(entry.value()->message)) << "what its checksum vouches for is as it was written";
+        }
+        torn += reader.value().torn();
+        whole += entries == 20;
+    }
+    EXPECT_GT(damaged, 100u);
+    EXPECT_GT(torn, 100u);
+    EXPECT_GT(whole, 0u) << "some end after the last entry";
+}
+
+}  // namespace
