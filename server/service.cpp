@@ -110,15 +110,18 @@ void compress(std::string& bytes) {
     bytes.resize(ZSTD_compress(bytes.data(), bytes.size(), raw.data(), raw.size(), kZstdLevel));
 }
 
+/// Without the name of the folder.
+Status unrecorded(const std::string& file, const Error& error) {
+    return {StatusCode::RESOURCE_EXHAUSTED, "recording " + std::filesystem::path(file).filename().string() + ": " + std::strerror(error.native)};
+}
+
 /// A session's recording, if it has one.
 struct Recorder {
     /// A session that cannot be recorded ends: a recording that has a hole is worse than one that ends.
     Status keep(EntryKind kind, const google::protobuf::MessageLite& message) {
         if (!writer) return Status::OK;
         const auto kept = writer->add(kind, message.SerializeAsString());
-        if (kept) return Status::OK;
-        return {StatusCode::RESOURCE_EXHAUSTED, "recording " + std::filesystem::path(writer->path()).filename().string() + ": " +
-                                                    std::strerror(kept.error().native)};
+        return kept ? Status::OK : unrecorded(writer->path(), kept.error());
     }
     ~Recorder() {
         std::error_code gone;
@@ -265,7 +268,7 @@ struct Service::Impl final : v1::Gnomon::WithCallbackMethod_Session<v1::Gnomon::
         Recorder recorder;
         if (!file.empty()) {
             auto made = RecordingWriter::create(file);
-            if (!made) return statusOf(made.error());
+            if (!made) return unrecorded(file, made.error());
             recorder.writer = std::move(made.value());
             recorder.temporary = !config.keepRecordings;
         }

@@ -3,10 +3,13 @@
 #include <grpcpp/grpcpp.h>
 #include <malloc.h>
 #include <netinet/tcp.h>
+#include <sys/mount.h>
 
 #include <atomic>
+#include <fstream>
 #include <thread>
 
+#include "server/recording.h"
 #include "tests/server/clients.h"
 #include "tests/server/socket.h"
 
@@ -65,6 +68,65 @@ TEST(Faults, AThousandClientsThatVanishLeaveNothing) {
     EXPECT_LE(descriptors(), openBefore + 2) << "one that is being closed";
     // The events that the test keeps take some 200 bytes for each life; a leaked session takes more than its maps' 32 KiB.
     EXPECT_LT(double(::mallinfo2().uordblks) - double(bytesBefore), 1000 * 1024.0);
+}
+
+/// A file system of one mebibyte, as long as it lives.
+struct SmallDisk {
+    std::string path = tests::temporary("small");
+    bool mounted;
+    SmallDisk() {
+        std::filesystem::create_directory(path);
+        mounted = ::mount("tmpfs", path.c_str(), "tmpfs", 0, "size=1m") == 0;
+    }
+    ~SmallDisk() {
+        if (mounted) ::umount(path.c_str());
+    }
+};
+
+TEST(Faults, AFullDiskEndsTheSessionThatIsRecordedThere) {
+    const SmallDisk disk;
+    if (!disk.mounted) GTEST_SKIP() << "no small file system can be mounted; run as root";
+    server::ServiceConfig config = serviceConfig();
+    config.record = disk.path;
+    Running running(config);
+    server::Client client = running.client();
+    const auto session = client.session(openStreets());
+    ASSERT_TRUE(session);
+    std::optional<world::Error> end;
+    uint64_t drawn = 0;
+    for (; drawn < 10'000 && !end; ++drawn) {
+        v1::Frame frame = lifeFrame(0);
+        frame.set_time(double(drawn));
+        for (int i = 0; i < 200; ++i) frame.add_objects();
+        const auto reply = session.value()->frame(frame);
+        if (!reply) end = reply.error();
+    }
+    ASSERT_TRUE(end);
+    EXPECT_EQ(end->code, world::ErrorCode::kLimit) << end->what;
+    EXPECT_NE(end->what.find(".gnomonrec: No space left"), std::string::npos) << end->what;
+    EXPECT_EQ(end->what.find(disk.path), std::string::npos) << "where the folder is is nobody's business";
+    ASSERT_TRUE(running.empty());
+    std::string file;
+    for (const auto& entry : std::filesystem::directory_iterator(disk.path)) file = entry.path().string();
+    uint64_t entries = 0;
+    {
+        auto reader = server::RecordingReader::open(file);
+        ASSERT_TRUE(reader);
+        for (;; ++entries) {
+            const auto entry = reader.value().next();
+            ASSERT_TRUE(entry) << entry.error().what;
+            if (!entry.value()) break;
+        }
+    }
+    { std::ofstream rest(disk.path + "/rest", std::ios::binary); rest << std::string(2 << 20, 'x'); }
+    const auto refused = client.session(openStreets());
+    ASSERT_FALSE(refused);
+    EXPECT_EQ(refused.error().code, world::ErrorCode::kLimit) << refused.error().what;
+    EXPECT_EQ(refused.error().what.find(disk.path), std::string::npos) << refused.error().what;
+    std::filesystem::remove(disk.path + "/rest");
+    EXPECT_GT(entries, 2 * (drawn - 2)) << "whatever was answered is there";
+    std::filesystem::remove(file);
+    expectServed(running);
 }
 
 /// Carries what two sides say, the client's part a byte at a time.
