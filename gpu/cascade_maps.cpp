@@ -69,13 +69,18 @@ Result<Readback> Readback::create(Device::Impl& device, uint32_t side, DepthForm
     return made;
 }
 
-void Readback::record(Frame& frame, VkCommandBuffer commands, DepthMap& map) const {
+void recordCopy(Frame& frame, VkCommandBuffer commands, DepthMap& map, uint32_t side, const Buffer& to, uint64_t offset) {
     frame.need(map, Use::kCopySource);
     frame.barrier();
     VkBufferImageCopy copy{};
+    copy.bufferOffset = offset;
     copy.imageSubresource = {VK_IMAGE_ASPECT_DEPTH_BIT, 0, 0, 1};
-    copy.imageExtent = {side_, side_, 1};
-    vkCmdCopyImageToBuffer(commands, map.image.handle.raw(), kCopySourceLayout, buffer_.raw(), 1, &copy);
+    copy.imageExtent = {side, side, 1};
+    vkCmdCopyImageToBuffer(commands, map.image.handle.raw(), kCopySourceLayout, to.raw(), 1, &copy);
+}
+
+void Readback::record(Frame& frame, VkCommandBuffer commands, DepthMap& map) const {
+    recordCopy(frame, commands, map, side_, buffer_, 0);
     frame.toHost(buffer_);
 }
 

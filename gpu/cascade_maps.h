@@ -27,6 +27,9 @@ void recordNew(Frame& frame, VkCommandBuffer commands, std::span<CascadeMaps> ma
 void recordRestores(VkCommandBuffer commands, const CascadeMaps& maps,
                     std::span<const cache::StoreRect> rects, std::vector<VkImageCopy>& kept);
 
+/// Copies a map's texels, as they are stored, to where the CPU reads them.
+void recordCopy(Frame& frame, VkCommandBuffer commands, DepthMap& map, uint32_t side, const Buffer& to, uint64_t offset);
+
 /// A map's texels where the CPU can read them.
 class Readback {
 public:

@@ -218,6 +218,16 @@ Result<Done> pickPhysical(Device::Impl& impl, const std::string& nameContains) {
     return Error{ErrorCode::kNotFound, "no fitting Vulkan device among " + seen + ": " + kInstallDriver};
 }
 
+bool importsHostMemory(VkPhysicalDevice physical) {
+    std::vector<VkExtensionProperties> list;
+    const VkResult result = enumerate(list, [physical](uint32_t* count, VkExtensionProperties* out) {
+        return vkEnumerateDeviceExtensionProperties(physical, nullptr, count, out);
+    });
+    return result == VK_SUCCESS && std::any_of(list.begin(), list.end(), [](const auto& e) {
+               return std::strcmp(e.extensionName, VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME) == 0;
+           });
+}
+
 void readLimits(Device::Impl& impl) {
     VkPhysicalDeviceDriverProperties driver{};
     driver.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DRIVER_PROPERTIES;
@@ -227,9 +237,12 @@ void readLimits(Device::Impl& impl) {
     VkPhysicalDeviceMaintenance3Properties maintenance3{};
     maintenance3.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_MAINTENANCE_3_PROPERTIES;
     maintenance3.pNext = &properties13;
+    VkPhysicalDeviceExternalMemoryHostPropertiesEXT host{};
+    host.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_EXTERNAL_MEMORY_HOST_PROPERTIES_EXT;
+    host.pNext = &maintenance3;
     VkPhysicalDeviceProperties2 properties{};
     properties.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2;
-    properties.pNext = &maintenance3;
+    properties.pNext = importsHostMemory(impl.physical) ? static_cast<void*>(&host) : &maintenance3;
     vkGetPhysicalDeviceProperties2(impl.physical, &properties);
     vkGetPhysicalDeviceMemoryProperties(impl.physical, &impl.memory);
 
@@ -240,6 +253,7 @@ void readLimits(Device::Impl& impl) {
     impl.maxSide =
         std::min({limits.maxImageDimension2D, limits.maxFramebufferWidth, limits.maxFramebufferHeight,
                   limits.maxViewportDimensions[0], limits.maxViewportDimensions[1]});
+    impl.importAlignment = host.minImportedHostPointerAlignment;
     impl.maxIndirectDraws = limits.maxDrawIndirectCount;
     impl.maxStorageBytes = limits.maxStorageBufferRange;
 
@@ -280,6 +294,9 @@ Result<Done> makeDevice(Device::Impl& impl) {
     info.pNext = &features;
     info.queueCreateInfoCount = 1;
     info.pQueueCreateInfos = &queue;
+    const char* const import = VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME;
+    info.enabledExtensionCount = importsHostMemory(impl.physical) ? 1 : 0;
+    info.ppEnabledExtensionNames = &import;
     const VkResult result = vkCreateDevice(impl.physical, &info, nullptr, &impl.owner.device);
     if (result != VK_SUCCESS) return refused(result, "vkCreateDevice", impl.name);
     vkGetDeviceQueue(impl.owner.device, impl.queueFamily, 0, &impl.queue);

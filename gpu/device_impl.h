@@ -32,6 +32,7 @@ struct Device::Impl {
     std::string name, driver;
 
     VkPhysicalDeviceMemoryProperties memory{};
+    uint64_t importAlignment = 0;  ///< of memory that is the process's own [bytes]; 0: it cannot be imported
     uint64_t maxAllocationBytes = 0;
     uint32_t maxSide = 0;           ///< of an image and a viewport [texels]
     uint32_t maxIndirectDraws = 0;  ///< per call

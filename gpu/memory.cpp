@@ -110,6 +110,50 @@ Result<Buffer> createBuffer(Device::Impl& device, uint64_t bytes, VkBufferUsageF
                   bytes};
 }
 
+Result<Buffer> importBuffer(Device::Impl& device, std::span<std::byte> pages, VkBufferUsageFlags usage,
+                            const std::string& name) {
+    constexpr auto kType = VK_EXTERNAL_MEMORY_HANDLE_TYPE_HOST_ALLOCATION_BIT_EXT;
+    VkExternalMemoryBufferCreateInfo external{};
+    external.sType = VK_STRUCTURE_TYPE_EXTERNAL_MEMORY_BUFFER_CREATE_INFO;
+    external.handleTypes = kType;
+    VkBufferCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
+    info.pNext = &external;
+    info.size = pages.size();
+    info.usage = usage;
+    info.sharingMode = VK_SHARING_MODE_EXCLUSIVE;
+    auto handle = BufferHandle::create(device.owner, info, name);
+    if (!handle) return handle.error();
+    VkMemoryRequirements needs;
+    vkGetBufferMemoryRequirements(device.owner.device, handle.value().raw(), &needs);
+    const auto typesOf = reinterpret_cast<PFN_vkGetMemoryHostPointerPropertiesEXT>(
+        vkGetDeviceProcAddr(device.owner.device, "vkGetMemoryHostPointerPropertiesEXT"));
+    VkMemoryHostPointerPropertiesEXT types{};
+    types.sType = VK_STRUCTURE_TYPE_MEMORY_HOST_POINTER_PROPERTIES_EXT;
+    const VkResult known = typesOf(device.owner.device, kType, pages.data(), &types);
+    if (known != VK_SUCCESS) return refused(known, "vkGetMemoryHostPointerPropertiesEXT", name);
+    VkImportMemoryHostPointerInfoEXT import{};
+    import.sType = VK_STRUCTURE_TYPE_IMPORT_MEMORY_HOST_POINTER_INFO_EXT;
+    import.handleType = kType;
+    import.pHostPointer = pages.data();
+    VkMemoryAllocateInfo allocation{};
+    allocation.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
+    allocation.pNext = &import;
+    allocation.allocationSize = pages.size();
+    const uint32_t fitting = needs.memoryTypeBits & types.memoryTypeBits;
+    while (allocation.memoryTypeIndex < device.memory.memoryTypeCount &&
+           ((fitting >> allocation.memoryTypeIndex & 1) == 0 ||
+            (device.memory.memoryTypes[allocation.memoryTypeIndex].propertyFlags & kMapped) != kMapped))
+        ++allocation.memoryTypeIndex;
+    if (allocation.memoryTypeIndex == device.memory.memoryTypeCount || needs.size > pages.size())
+        return refused(VK_ERROR_INVALID_EXTERNAL_HANDLE, "vkAllocateMemory", name);
+    auto memory = MemoryHandle::create(device.owner, allocation, name + " memory");
+    if (!memory) return memory.error();
+    const VkResult bound = vkBindBufferMemory(device.owner.device, handle.value().raw(), memory.value().raw(), 0);
+    if (bound != VK_SUCCESS) return refused(bound, "vkBindBufferMemory", name);
+    return Buffer{std::move(memory.value()), std::move(handle.value()), pages.data(), pages.size()};
+}
+
 Result<Image> createDepthImage(Device::Impl& device, uint32_t side, DepthFormat format,
                                const std::string& name) {
     constexpr VkImageUsageFlags kUsage = VK_IMAGE_USAGE_DEPTH_STENCIL_ATTACHMENT_BIT |

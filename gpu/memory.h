@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string>
 
 #include "gpu/device_impl.h"
@@ -27,6 +28,11 @@ struct Buffer {
 
 /// `bytes` > 0. kDevice when the driver refuses; falls back to a lesser kind of memory first.
 world::Result<Buffer> createBuffer(Device::Impl& device, uint64_t bytes, VkBufferUsageFlags usage, Home home,
+                                   const std::string& name);
+
+/// Memory that the process has already, as a buffer: whole multiples of the device's importAlignment, which outlive it.
+/// kDevice where the driver refuses.
+world::Result<Buffer> importBuffer(Device::Impl& device, std::span<std::byte> pages, VkBufferUsageFlags usage,
                                    const std::string& name);
 
 struct Image {

@@ -104,6 +104,8 @@ struct ShadowMaps::Impl {
     std::map<DepthFormat, DepthPass> passOf;  ///< each made once: drivers keep something of a pipeline that is gone
     GeometryStore geometry;
     std::optional<Readback> readback;        ///< made at the first read
+    std::optional<Buffer> shared;            ///< over, or beside, the memory that is shared
+    std::span<std::byte> sharedMemory;
     std::vector<CascadeMaps> maps, scratch;  ///< scratch: made at first use
     SpotMaps spots;
     DrawList drawList;
@@ -144,6 +146,8 @@ Result<std::unique_ptr<ShadowMaps>> ShadowMaps::create(Device& device, const Sha
                                         .passOf = {},
                                         .geometry = std::move(geometry.value()),
                                         .readback = {},
+                                        .shared = {},
+                                        .sharedMemory = {},
                                         .maps = {},
                                         .scratch = {},
                                         .spots = SpotMaps(d),
@@ -499,6 +503,42 @@ Result<std::vector<float>> ShadowMaps::read(int cascade, MapKind kind) {
     impl.readback->record(frame, commandBuffer.value(), map);
     if (const auto done = impl.runAlone(*place.value()); !done) return done.error();
     return impl.readback->depths();
+}
+
+Result<bool> ShadowMaps::share(std::span<std::byte> memory) {
+    Impl& impl = *impl_;
+    if (const auto settled = impl.settleUpTo(impl.last); !settled) return settled.error();
+    const uint64_t alignment = impl.device.importAlignment;
+    const bool imports = alignment > 0 && reinterpret_cast<uintptr_t>(memory.data()) % alignment == 0 && memory.size() % alignment == 0;
+    auto made = imports ? importBuffer(impl.device, memory, VK_BUFFER_USAGE_TRANSFER_DST_BIT, "shared maps")
+                        : createBuffer(impl.device, memory.size(), VK_BUFFER_USAGE_TRANSFER_DST_BIT, Home::kReadback, "shared maps");
+    if (!made) return made.error();
+    impl.shared = std::move(made.value());
+    impl.sharedMemory = memory;
+    return imports;
+}
+
+Result<Done> ShadowMaps::copyWorking(std::span<const MapCopy> copies) {
+    Impl& impl = *impl_;
+    CHECK(impl.shared);
+    const auto side = static_cast<uint32_t>(impl.config.side);
+    const uint64_t bytes = uint64_t{side} * side * texelBytes(impl.config.format);
+    if (copies.empty()) return Done{};
+    if (const auto settled = impl.settleUpTo(impl.last); !settled) return settled.error();
+    const auto place = impl.claim();
+    if (!place) return place.error();
+    Frame& frame = place.value()->frame;
+    const auto commandBuffer = frame.begin();
+    if (!commandBuffer) return commandBuffer.error();
+    for (const MapCopy& copy : copies) {
+        CHECK(copy.cascade >= 0 && copy.cascade < impl.config.cascades && copy.offset + bytes <= impl.shared->bytes);
+        recordCopy(frame, commandBuffer.value(), impl.maps[static_cast<size_t>(copy.cascade)].working, side, *impl.shared, copy.offset);
+    }
+    frame.toHost(*impl.shared);
+    if (const auto done = impl.runAlone(*place.value()); !done) return done.error();
+    if (impl.shared->mapped == impl.sharedMemory.data()) return Done{};
+    for (const MapCopy& copy : copies) std::memcpy(impl.sharedMemory.data() + copy.offset, impl.shared->mapped + copy.offset, bytes);
+    return Done{};
 }
 
 Result<std::vector<float>> ShadowMaps::readSpot(size_t light, MapKind kind) {

@@ -96,6 +96,16 @@ public:
     /// Waits for everything. Depths of a map, row by row in stored order, side * side values; units / 65535
     /// for D16.
     world::Result<std::vector<float>> read(int cascade, MapKind kind);
+    /// Memory that `copyWorking` writes to from now on: begins and ends at multiples of 4 KiB, and outlives the maps. True
+    /// where the GPU writes there by itself, false where the driver imports no such memory and each texel is copied once
+    /// more. Waits for everything.
+    world::Result<bool> share(std::span<std::byte> memory);
+    struct MapCopy {
+        int cascade = 0;
+        uint64_t offset = 0;  ///< of its first texel in that memory [bytes], a multiple of 4
+    };
+    /// Waits for everything. Copies working maps, row by row in stored order, as texels are stored: floats or units.
+    world::Result<world::Done> copyWorking(std::span<const MapCopy> copies);
     /// The same of a spot light. Scratch maps must have been drawn.
     world::Result<std::vector<float>> readSpot(size_t light, MapKind kind);
 

@@ -51,6 +51,8 @@ public:
         return map;
     }
 
+    std::shared_ptr<SharedMaps> shared() override { return session_->shared(); }
+
 private:
     Turns& turns_;
     std::shared_ptr<const OpenedWorld> world_;  ///< outlives the session

@@ -17,6 +17,7 @@
 #include "server/recording.h"
 #include "server/session.h"
 #include "server/session_stream.h"
+#include "server/share_socket.h"
 
 namespace server {
 
@@ -129,6 +130,24 @@ struct Recorder {
     }
     std::optional<RecordingWriter> writer;
     bool temporary = false;  ///< not needed beyond the session
+};
+
+/// A session's maps on offer, until somebody fetched them or the session ends.
+struct Offer {
+    void renew(std::shared_ptr<SharedMaps> now, v1::FrameReply& reply) {
+        if (now == maps) return;
+        if (!token.empty()) socket->withdraw(token);
+        maps = std::move(now);
+        token = secret();
+        socket->offer(token, maps);
+        reply.set_share_token(token);
+    }
+    ~Offer() {
+        if (!token.empty()) socket->withdraw(token);
+    }
+    ShareSocket* socket;
+    std::string token;
+    std::shared_ptr<SharedMaps> maps;
 };
 
 }  // namespace
@@ -252,6 +271,8 @@ struct Service::Impl final : v1::Gnomon::WithCallbackMethod_Session<v1::Gnomon::
         auto first = live.stream.next(false);
         if (first.empty()) return {StatusCode::INVALID_ARGUMENT, "the stream ended before its session was opened"};
         if (!first.front().has_open()) return {StatusCode::INVALID_ARGUMENT, "the first request of a session opens it; give `open`"};
+        const bool shares = first.front().open().share_maps();
+        if (shares && !sharing) return {StatusCode::INVALID_ARGUMENT, "share_maps: the server shares no memory; start it with --share"};
         fillDefaults(*first.front().mutable_open(), config.maps);  // and so it is recorded
         v1::SessionReply reply;
         const std::string file = config.record.empty() ? "" : config.record + "/" + std::to_string(started) + "-" + std::to_string(live.number) + kRecordingEnding;
@@ -275,6 +296,8 @@ struct Service::Impl final : v1::Gnomon::WithCallbackMethod_Session<v1::Gnomon::
         if (const Status kept = recorder.keep(EntryKind::kRequest, first.front()); !kept.ok()) return kept;
         if (const Status kept = recorder.keep(EntryKind::kReply, reply); !kept.ok()) return kept;
         reply.mutable_opened()->set_session(live.secret);
+        if (shares) reply.mutable_opened()->set_share_socket(sharing->path());
+        Offer offer{sharing.get(), {}, {}};
         if (!live.stream.write(reply)) return Status::CANCELLED;
         const bool latest = first.front().open().latest_pose_wins();
         for (;;) {
@@ -292,6 +315,7 @@ struct Service::Impl final : v1::Gnomon::WithCallbackMethod_Session<v1::Gnomon::
             framesDrawn.fetch_add(1, std::memory_order_relaxed);
             reply.mutable_frame()->set_answers(uint32_t(requests.size()));
             if (const Status kept = recorder.keep(EntryKind::kReply, reply); !kept.ok()) return kept;
+            if (shares) offer.renew(live.session->shared(), *reply.mutable_frame());
             if (!live.stream.write(reply)) return Status::CANCELLED;
         }
     }
@@ -343,6 +367,7 @@ struct Service::Impl final : v1::Gnomon::WithCallbackMethod_Session<v1::Gnomon::
     int64_t started = 0;  ///< [s] since 1970, for names of recordings
     std::thread watcher;
     std::string address;
+    std::unique_ptr<ShareSocket> sharing;  ///< null: no memory is shared
     std::unique_ptr<grpc::Server> server;
 };
 
@@ -360,6 +385,11 @@ Result<std::unique_ptr<Service>> Service::start(SessionHost& host, const Service
         return Error{ErrorCode::kNotFound, config.record + ": no folder; make the one that recordings go to"};
     const auto credentials = credentialsOf(config);
     if (!credentials) return credentials.error();
+    if (!config.share.empty()) {
+        auto sharing = ShareSocket::listen(config.share);
+        if (!sharing) return sharing.error();
+        impl->sharing = std::move(sharing.value());
+    }
     impl->started = std::chrono::duration_cast<std::chrono::seconds>(std::chrono::system_clock::now().time_since_epoch()).count();
 
     grpc::EnableDefaultHealthCheckService(true);

@@ -34,6 +34,8 @@ Result<std::unique_ptr<Session>> Session::open(gpu::Device& device, const world:
     if (!system) return system.error();
     std::unique_ptr<Session> session(new Session(std::move(system.value()), limits));
     session->mapBytes_ = mapBytes(config.value());
+    if (request.share_maps())
+        if (const auto shares = session->startSharing(); !shares) return shares.error();
     return session;
 }
 
@@ -188,8 +190,42 @@ Result<v1::FrameReply> Session::frame(const v1::Frame& request) {
         if (cost.statics != cache::Cost{}) to->set_cause(cache::toString(cost.cause));
         put(to->mutable_active(), cost.active);
     }
+    if (shared_)
+        if (const auto shares = shareMaps(); !shares) return shares.error();
     if (const auto told = tellWanted(request, reply); !told) return told.error();
     return reply;
+}
+
+Result<Done> Session::startSharing() {
+    const ShadowConfig& config = system_->config();
+    const SharedShape shape{uint32_t(system_->cascades()), uint32_t(config.side), config.format == gpu::DepthFormat::kD16 ? 2u : 4u};
+    mapBytes_ += shape.bytes();
+    if (mapBytes_ > limits_.mapBytes) return limitError("bytes of shadow maps", mapBytes_, limits_.mapBytes);
+    auto made = SharedMaps::create(shape);
+    if (!made) return made.error();
+    shared_ = std::move(made.value());
+    if (const auto sealed = shared_->seal(); !sealed) return sealed;
+    if (const auto imported = system_->share(shared_->memory()); !imported) return imported.error();
+    return Done{};
+}
+
+/// Those that are not what they were, while readers are told to wait.
+Result<Done> Session::shareMaps() {
+    std::vector<gpu::ShadowMaps::MapCopy> copies;
+    const bool first = sharedViews_.empty();
+    sharedViews_.resize(size_t(system_->cascades()));
+    for (int c = 0; c < system_->cascades(); ++c) {
+        const cache::CascadeStatistics& cost = report_.cascades[size_t(c)];
+        const CascadeView now = system_->view(c);
+        CascadeView& before = sharedViews_[size_t(c)];
+        const bool moved = now.depthNear != before.depthNear || now.depthRange != before.depthRange || now.lightFromWorld != before.lightFromWorld;
+        if (first || moved || cost.total.texels > 0 || cost.active.texels > 0) copies.push_back({c, shared_->offset(c)});
+        before = now;
+    }
+    shared_->begin();
+    const auto copied = system_->copyWorking(std::move(copies));
+    shared_->end(frames_ - 1);
+    return copied;
 }
 
 Result<Done> Session::tellWanted(const v1::Frame& request, v1::FrameReply& reply) {

@@ -13,6 +13,7 @@
 #include "culling/truth.h"
 #include "server/live_board.h"
 #include "server/shadow_system.h"
+#include "server/shared_maps.h"
 #include "server/world_folder.h"
 #include "world/result.h"
 
@@ -78,6 +79,8 @@ public:
     /// One cascade's committed state, as in a reply, without counts. CHECKs that a frame was drawn and the number exists.
     gnomon::v1::Cascade cascade(int number) const;
 
+    /// Where frames leave the working maps; null where the session does not share them.
+    const std::shared_ptr<SharedMaps>& shared() const { return shared_; }
     uint64_t frames() const { return frames_; }  ///< drawn so far
     size_t objects() const { return objects_.size(); }
     ShadowSystem& system() { return *system_; }
@@ -90,6 +93,8 @@ private:
     world::Result<SpotId> spotOf(uint64_t number) const;
     /// What the request wants and reports do not tell.
     world::Result<world::Done> tellWanted(const gnomon::v1::Frame& request, gnomon::v1::FrameReply& reply);
+    world::Result<world::Done> startSharing();
+    world::Result<world::Done> shareMaps();
     world::Result<world::Done> requireFrame() const;
     /// The casters of the last frame, for rays.
     world::Result<culling::Truth*> rays();
@@ -100,6 +105,7 @@ private:
         uint64_t bytes = 0;
     };
 
+    std::shared_ptr<SharedMaps> shared_;  ///< outlives the system, which writes there
     std::unique_ptr<ShadowSystem> system_;
     SessionLimits limits_;
     std::unordered_map<uint64_t, ObjectId> objects_;  ///< by the client's number
@@ -109,6 +115,7 @@ private:
     FrameReport report_;
     std::vector<Camera> cameras_;  ///< of the last frame
     std::unique_ptr<culling::Truth> rays_;  ///< of its casters; null until it is asked for
+    std::vector<CascadeView> sharedViews_;  ///< of what lies there, by cascade
     std::optional<LiveSession> live_;
     uint64_t frames_ = 0;
 };

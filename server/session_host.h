@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "server/gnomon.pb.h"
+#include "server/shared_maps.h"
 #include "world/result.h"
 
 namespace server {
@@ -29,6 +30,9 @@ public:
     virtual world::Result<gnomon::v1::QueryShadowReply> query(const gnomon::v1::QueryShadowRequest& request) = 0;
     virtual world::Result<gnomon::v1::ShadowMask> mask(const gnomon::v1::GetShadowMaskRequest& request) = 0;
     virtual world::Result<HostedMap> depthMap(const gnomon::v1::GetDepthMapRequest& request) = 0;
+    /// Where frames leave the working maps, if the session shares them; else null. Another after a frame that another
+    /// worker drew. From the thread of `frame`.
+    virtual std::shared_ptr<SharedMaps> shared() = 0;
 };
 
 /// Any thread.

@@ -65,7 +65,9 @@ Result<SessionReplay> replaySession(gpu::Device& device, WorldFolder& worlds, co
     limits.objects = limits.updates = limits.edits = limits.spots = SIZE_MAX;
     limits.residentBytes = was.resident_bytes();
     limits.geometryBytes = was.geometry_bytes();
-    const auto session = Session::open(device, world.value()->store, open.value()->open(), limits);
+    v1::OpenSession alone = open.value()->open();
+    alone.set_share_maps(false);  // with nobody
+    const auto session = Session::open(device, world.value()->store, alone, limits);
     if (!session) return session.error();
 
     SessionReplay replay;

@@ -274,6 +274,16 @@ Result<std::vector<float>> ShadowSystem::readMap(int cascade, gpu::MapKind kind,
     return impl_->maps->read(int(of.cache.map(of.cascade)), kind);
 }
 
+Result<bool> ShadowSystem::share(std::span<std::byte> memory) { return impl_->maps->share(memory); }
+
+Result<world::Done> ShadowSystem::copyWorking(std::vector<gpu::ShadowMaps::MapCopy> copies) {
+    for (gpu::ShadowMaps::MapCopy& copy : copies) {
+        const CascadeOf of = impl_->shown().of(copy.cascade);
+        copy.cascade = int(of.cache.map(of.cascade));
+    }
+    return impl_->maps->copyWorking(copies);
+}
+
 std::vector<TexelState> ShadowSystem::texelStates(int cascade, gpu::MapKind kind) const {
     const auto c = size_t(cascade);
     return server::texelStates(impl_->shown(), cascade, kind,

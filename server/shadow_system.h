@@ -245,6 +245,10 @@ public:
     world::Result<std::vector<float>> readSpotMap(SpotId id, gpu::MapKind kind);
     /// A map's depths, row by row in stored order.
     world::Result<std::vector<float>> readMap(int cascade, gpu::MapKind kind, SunMaps which = SunMaps::kShown);
+    /// Memory that `copyWorking` writes to from now on; as ShadowMaps::share.
+    world::Result<bool> share(std::span<std::byte> memory);
+    /// Copies working maps of the shown sun there, of cascades by number; as ShadowMaps::copyWorking.
+    world::Result<world::Done> copyWorking(std::vector<gpu::ShadowMaps::MapCopy> copies);
     /// What each texel of that is worth, in the same order: of the shown sun's.
     std::vector<TexelState> texelStates(int cascade, gpu::MapKind kind) const;
     /// Hash of a map's bits.

@@ -15,6 +15,7 @@
 #include <thread>
 #include <utility>
 
+#include "server/share_socket.h"
 #include "server/worker.pb.h"
 #include "server/worker_loop.h"
 
@@ -44,10 +45,15 @@ std::string causeOf(int status) {
 
 WorkerLine::~WorkerLine() { ::close(socket_); }
 
-Result<wire::Reply> WorkerLine::ask(const wire::Request& request) {
+Result<wire::Reply> WorkerLine::ask(const wire::Request& request, int* descriptor) {
     if (const auto sent = sendMessage(socket_, request); !sent) return sent.error();
     wire::Reply reply;
     if (const auto received = receiveMessage(socket_, reply); !received) return received.error();
+    if (!reply.shares()) return reply;
+    const auto came = receiveDescriptor(socket_);
+    if (!came) return came.error();
+    if (descriptor) *descriptor = came.value();
+    else ::close(came.value());
     return reply;
 }
 

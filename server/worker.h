@@ -38,7 +38,8 @@ public:
 
     uint64_t start() const { return start_; }
     /// kIo where the worker is dead. An error of the reply is its own to look at.
-    world::Result<gnomon::worker::Reply> ask(const gnomon::worker::Request& request);
+    ///   descriptor  if given, what came with the reply to a session that shares its maps; else as it was
+    world::Result<gnomon::worker::Reply> ask(const gnomon::worker::Request& request, int* descriptor = nullptr);
 
 private:
     const uint64_t start_;

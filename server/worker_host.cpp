@@ -48,12 +48,13 @@ public:
     Worker& worker() { return worker_; }
     /// The reply's error is this one's. A line whose worker failed is discarded.
     ///   waited  if given, for the turn [ms]
-    Result<wire::Reply> ask(WorkerLine& line, const wire::Request& request, double* waited = nullptr) {
+    ///   descriptor  as of WorkerLine
+    Result<wire::Reply> ask(WorkerLine& line, const wire::Request& request, double* waited = nullptr, int* descriptor = nullptr) {
         const Stopwatch watch;
         const Turns::Turn turn(turns_);
         if (waited) *waited = watch.ms();
         busyWith(line.start());
-        auto reply = line.ask(request);
+        auto reply = line.ask(request, descriptor);
         busyWith(0);
         if (reply && reply.value().has_error())
             reply = Error{codeOf(reply.value().error().code()), reply.value().error().what()};
@@ -106,8 +107,14 @@ public:
         wire::Request request;
         request.set_session(number_);
         *request.mutable_open() = open_;
-        const auto opened = desk_.ask(*line_, request);
+        int descriptor = -1;
+        const auto opened = desk_.ask(*line_, request, nullptr, &descriptor);
         if (!opened) return lost(opened.error());
+        if (descriptor >= 0) {
+            auto maps = SharedMaps::read(descriptor);
+            if (!maps) return lost(maps.error());
+            shared_ = std::move(maps.value());
+        }
         if (answered_ > 0)
             if (const auto again = repeat(); !again) return lost(again.error());
         return opened.value().opened();
@@ -162,6 +169,11 @@ public:
         HostedMap map{std::move(*from.mutable_depths()), from.side(), {}, from.frame()};
         if (from.has_cascade()) map.cascade = from.cascade();
         return map;
+    }
+
+    std::shared_ptr<SharedMaps> shared() override {
+        const std::lock_guard lock(mutex_);
+        return shared_;
     }
 
 private:
@@ -219,6 +231,7 @@ private:
     std::mutex mutex_;  ///< of what is below
     std::shared_ptr<WorkerLine> line_;  ///< to the worker that has the session; null: none has
     uint64_t answered_ = 0;  ///< frames
+    std::shared_ptr<SharedMaps> shared_;
 };
 
 class WorkerHost final : public SessionHost {

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "server/messages.h"
+#include "server/share_socket.h"
 #include "server/worker.h"
 #include "server/worker.pb.h"
 
@@ -68,8 +69,10 @@ public:
         switch (request.what_case()) {
             case wire::Request::kOpen: {
                 auto opened = host_.open(request.open(), request.session(), "", *reply.mutable_opened());
-                if (opened) sessions_[request.session()] = std::move(opened.value());
-                else tell(reply, opened.error());
+                if (!opened) return failed(opened.error());
+                shared = opened.value()->shared();
+                reply.set_shares(shared != nullptr);
+                sessions_[request.session()] = std::move(opened.value());
                 return reply;
             }
             case wire::Request::kEnd:
@@ -97,7 +100,14 @@ public:
         return reply;
     }
 
+    std::shared_ptr<SharedMaps> shared;  ///< of the session that was opened, to be sent after the reply
+
 private:
+    static wire::Reply failed(const Error& error) {
+        wire::Reply reply;
+        tell(reply, error);
+        return reply;
+    }
     static void map(HostedSession& session, const gnomon::v1::GetDepthMapRequest& request, wire::Reply& reply) {
         auto map = session.depthMap(request);
         if (!map) return tell(reply, map.error());
@@ -136,6 +146,8 @@ Result<Done> runWorker(SessionHost& host) {
     Loop loop(host);
     for (wire::Reply reply;;) {  // the first says that it serves
         if (!sendMessage(kWorkerLine, reply)) return Done{};
+        if (reply.shares() && !sendDescriptor(kWorkerLine, loop.shared->descriptor())) return Done{};
+        loop.shared.reset();
         wire::Request request;
         const auto received = receiveMessage(kWorkerLine, request);
         if (!received && received.error().code == ErrorCode::kIo) return Done{};

@@ -2,9 +2,6 @@
 
 #include <CLI/CLI.hpp>
 
-#include <google/protobuf/stubs/logging.h>
-#include <grpc/support/log.h>
-
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -16,6 +13,7 @@
 #include <nlohmann/json.hpp>
 
 #include "server/http_server.h"
+#include "server/library_log.h"
 #include "server/live_board.h"
 #include "server/local_host.h"
 #include "server/service.h"
@@ -59,14 +57,6 @@ void log(const server::ServiceEvent& event) {
     if (event.frames > 0) line["frames"] = event.frames;
     std::printf("%s\n", line.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
     std::fflush(stdout);
-}
-
-/// What libraries have to say goes into the log as well. Requests that are none are told to who sent them.
-void listenToLibraries() {
-    google::protobuf::SetLogHandler(nullptr);
-    gpr_set_log_function([](gpr_log_func_args* said) {
-        if (said->severity == GPR_LOG_SEVERITY_ERROR) log({"grpc", 0, said->message, 0});
-    });
 }
 
 uint64_t bytesOf(double mebibytes) { return uint64_t(mebibytes * 1048576); }
@@ -183,7 +173,7 @@ Result<int> runServe(ServeOptions& options, CLI::App& parser) {
     for (const int signal : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&ends, signal);
     pthread_sigmask(SIG_BLOCK, &ends, nullptr);
     std::signal(SIGPIPE, SIG_IGN);
-    listenToLibraries();
+    server::listenToLibraries([](const std::string& line) { log({"grpc", 0, line, 0}); });
     return options.worker ? work(options) : supervise(options, ends);
 }
 
@@ -203,6 +193,7 @@ Command addServeCommand(CLI::App& app) {
     parser->add_option("--http", options->httpPort, "port of this machine for the live page, /healthz, /readyz and /metrics, 0 for any; none by default")
         ->check(CLI::Range(0, 65535));
     parser->add_option("--record", options->service.record, "folder for a recording of each session; none by default");
+    parser->add_option("--share", options->service.share, "path of a Unix socket where clients on this host fetch the memory of their maps; none by default");
     parser->add_option("--sessions", options->service.sessions, "open at the same time")->check(CLI::Range(1, 4096))->capture_default_str();
     parser->add_option("--objects", options->session.objects, "that a session may have")->capture_default_str();
     parser->add_option("--updates", options->session.updates, "of objects in one frame")->capture_default_str();

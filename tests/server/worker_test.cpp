@@ -7,7 +7,9 @@
 #include <chrono>
 #include <thread>
 
+#include "server/share_socket.h"
 #include "tests/server/clients.h"
+#include "world/hash.h"
 
 namespace {
 
@@ -33,6 +35,7 @@ struct Supervised {
         server::ServiceConfig front = tests::serviceConfig();
         front.record = tests::temporary("front");
         front.keepRecordings = false;
+        front.share = tests::temporary("front.sock");
         std::filesystem::create_directory(front.record);
         recordings = front.record;
         running.emplace(front, server::makeWorkerHost(*worker, [this](uint64_t, const std::string&) { ++resumed; }));
@@ -97,6 +100,34 @@ TEST(Worker, KilledInTheMiddleOfFramesItIsMissedByNobody) {
     ASSERT_TRUE(other.value()->close());
     ASSERT_TRUE(supervised.running->empty());
     EXPECT_TRUE(std::filesystem::is_empty(supervised.recordings));
+}
+
+TEST(Worker, TheNextOneSharesOtherMemory) {
+    Supervised supervised;
+    server::Client client = supervised.running->client();
+    v1::OpenSession open = openStreets();
+    open.set_share_maps(true);
+    const auto session = client.session(open);
+    ASSERT_TRUE(session) << session.error().what;
+    std::shared_ptr<server::SharedMaps> maps;
+    int fetched = 0;
+    for (uint64_t k = 0; k < 12; ++k) {
+        if (k == 6) { ASSERT_EQ(::kill(supervised.worker->pid(), SIGKILL), 0); }
+        v1::Frame frame = lifeFrame(k);
+        frame.mutable_wants()->set_hashes(true);
+        const auto reply = session.value()->frame(frame);
+        ASSERT_TRUE(reply) << reply.error().what;
+        if (!reply.value().share_token().empty()) {
+            auto found = server::fetchShared(session.value()->opened().share_socket(), reply.value().share_token());
+            ASSERT_TRUE(found) << found.error().what;
+            maps = std::move(found.value());
+            ++fetched;
+        }
+        const std::span<const std::byte> bytes = maps->map(1);
+        EXPECT_EQ(maps->frame(), k);
+        EXPECT_EQ(world::hashValues(std::span(reinterpret_cast<const float*>(bytes.data()), bytes.size() / 4)), reply.value().cascades(1).working_hash()) << k;
+    }
+    EXPECT_EQ(fetched, 2);
 }
 
 TEST(Worker, ALostDeviceIsLeftToTheNextOne) {
