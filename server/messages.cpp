@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "world/record_text.h"
+
 namespace server {
 
 namespace v1 = gnomon::v1;
@@ -54,6 +56,19 @@ Result<world::Placement> placementOf(const v1::Placement& p) {
     return placement;
 }
 
+Result<world::MoverSample> poseOf(const v1::Pose& p) {
+    world::MoverSample pose{0, vectorOf(p.position())};
+    if (p.has_orientation()) {
+        const v1::Quaternion& q = p.orientation();
+        const auto unit = world::unitQuaternion(q.x(), q.y(), q.z(), q.w());
+        if (!unit) return Error{ErrorCode::kUsage, "pose.orientation: no rotation; give a unit quaternion"};
+        pose.orientation = *unit;
+    }
+    if (p.scale() != 0) pose.scale = p.scale();
+    if (!(pose.scale > 0)) return Error{ErrorCode::kUsage, "pose.scale: give one above 0"};
+    return pose;
+}
+
 Result<world::TerrainEdit> editOf(const v1::TerrainEdit& e) {
     world::TerrainEdit edit{e.fill() ? world::EditKind::kFill : world::EditKind::kDig, {}};
     switch (e.shape_case()) {
@@ -85,7 +100,7 @@ Camera cameraOf(const v1::Camera& c) {
     camera.position = vectorOf(c.position());
     if (c.has_orientation()) {
         const v1::Quaternion& q = c.orientation();
-        camera.orientation = glm::dquat(q.w(), q.x(), q.y(), q.z());
+        camera.orientation = world::unitQuaternion(q.x(), q.y(), q.z(), q.w()).value_or(glm::dquat(q.w(), q.x(), q.y(), q.z()));
     }
     camera.verticalFov = c.vertical_fov();
     if (c.aspect() != 0) camera.aspect = c.aspect();

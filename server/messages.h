@@ -7,6 +7,7 @@
 #include "server/gnomon.pb.h"
 #include "server/session.h"
 #include "server/shadow_system.h"
+#include "world/movers.h"
 #include "world/result.h"
 
 namespace server {
@@ -15,6 +16,7 @@ namespace server {
 
 glm::dvec3 vectorOf(const gnomon::v1::Vector& v);
 world::Result<world::Placement> placementOf(const gnomon::v1::Placement& p);
+world::Result<world::MoverSample> poseOf(const gnomon::v1::Pose& p);
 world::Result<world::TerrainEdit> editOf(const gnomon::v1::TerrainEdit& e);
 culling::SpotLight spotOf(const gnomon::v1::SpotLight& s);
 Budget budgetOf(const gnomon::v1::Budget& b);

@@ -7,6 +7,7 @@
 #include "server/messages.h"
 #include "server/stopwatch.h"
 #include "world/hash.h"
+#include "world/movers.h"
 
 namespace server {
 
@@ -39,6 +40,19 @@ Result<std::unique_ptr<Session>> Session::open(gpu::Device& device, const world:
     return session;
 }
 
+Result<Done> Session::move(uint64_t number, Object& object, const world::Placement& placement) {
+    const ObjectUpdate update{object.id, placement};
+    if (auto can = system_->requireMove(update); !can) {
+        Error error = can.error();
+        const std::string theirs = "object " + std::to_string(object.id);
+        if (error.what.starts_with(theirs)) error.what.replace(0, theirs.size(), "object " + std::to_string(number));
+        return error;
+    }
+    object.moved = true;
+    moves_.push_back(update);
+    return Done{};
+}
+
 Result<Done> Session::update(const v1::ObjectUpdate& update) {
     const uint64_t number = update.object();
     const auto known = objects_.find(number);
@@ -53,7 +67,7 @@ Result<Done> Session::update(const v1::ObjectUpdate& update) {
         case v1::ObjectUpdate::kAdopt: {
             const auto id = system_->adopt(update.adopt().name());
             if (!id) return id.error();
-            objects_[number] = id.value();
+            objects_[number] = {id.value()};
             return Done{};
         }
         case v1::ObjectUpdate::kSpawn: {
@@ -63,37 +77,37 @@ Result<Done> Session::update(const v1::ObjectUpdate& update) {
             const auto id = system_->spawn(spawn.mesh(), placement.value(),
                                            {spawn.deforms(), float(spawn.margin()), spawn.at_rest()});
             if (!id) return id.error();
-            objects_[number] = id.value();
+            objects_[number] = {id.value()};
             return Done{};
         }
         case v1::ObjectUpdate::kMove: {
             const auto placement = placementOf(update.move());
             if (!placement) return placement.error();
-            const ObjectUpdate move{known->second, placement.value()};
-            if (auto can = system_->requireMove(move); !can) {
-                Error error = can.error();
-                const std::string theirs = "object " + std::to_string(known->second);
-                if (error.what.starts_with(theirs)) error.what.replace(0, theirs.size(), who);
-                return error;
-            }
-            moves_.push_back(move);
-            return Done{};
+            return move(number, known->second, placement.value());
+        }
+        case v1::ObjectUpdate::kPose: {
+            const auto pose = poseOf(update.pose());
+            if (!pose) return pose.error();
+            const world::Placement& rest = system_->restPlacement(known->second.id);
+            const world::Placement placement = world::moved(rest, pose.value());
+            if (!known->second.moved && world::standsAt(placement, rest)) return Done{};
+            return move(number, known->second, placement);
         }
         case v1::ObjectUpdate::kMark: {
             const v1::Mark& mark = update.mark();
-            return system_->mark(known->second, {mark.deforms(), float(mark.margin()), mark.at_rest()});
+            return system_->mark(known->second.id, {mark.deforms(), float(mark.margin()), mark.at_rest()});
         }
         case v1::ObjectUpdate::kRemove: {
-            const auto removed = system_->remove(known->second);
+            const auto removed = system_->remove(known->second.id);
             if (!removed) return removed;
-            std::erase_if(moves_, [&](const ObjectUpdate& m) { return m.object == known->second; });
+            std::erase_if(moves_, [&](const ObjectUpdate& m) { return m.object == known->second.id; });
             objects_.erase(known);
             return Done{};
         }
         case v1::ObjectUpdate::CHANGE_NOT_SET:
             break;
     }
-    return Error{ErrorCode::kUsage, who + ": nothing is to happen to it; give adopt, spawn, move, mark or remove"};
+    return Error{ErrorCode::kUsage, who + ": nothing is to happen to it; give adopt, spawn, move, pose, mark or remove"};
 }
 
 Result<SpotId> Session::spotOf(uint64_t number) const {

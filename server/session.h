@@ -108,7 +108,13 @@ private:
     std::shared_ptr<SharedMaps> shared_;  ///< outlives the system, which writes there
     std::unique_ptr<ShadowSystem> system_;
     SessionLimits limits_;
-    std::unordered_map<uint64_t, ObjectId> objects_;  ///< by the client's number
+    struct Object {
+        ObjectId id = 0;
+        bool moved = false;  ///< from where it was adopted or spawned
+    };
+    world::Result<world::Done> move(uint64_t number, Object& object, const world::Placement& placement);
+
+    std::unordered_map<uint64_t, Object> objects_;  ///< by the client's number
     std::vector<Spot> spots_;  ///< ascending by id
     uint64_t mapBytes_ = 0;    ///< of all maps
     std::vector<ObjectUpdate> moves_;                 ///< of the frame that is being made

@@ -1,6 +1,7 @@
 // tools/mover_feed.h — recorded motion turned into the object updates of each frame.
 #pragma once
 
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -9,13 +10,9 @@
 
 namespace tools {
 
-/// Placement of an object whose world placement is `rest` at a recorded pose. A recording has one
-/// scale, the cube root of the object's three factors, so the rest placement's own factors keep
-/// their ratios; a mirrored rest placement stays mirrored, along its own x. Total: no failure.
-world::Placement moved(const world::Placement& rest, const world::MoverSample& pose);
-
-/// Feeds tracks into a system. An object is only sent when its recorded pose changed, so that one
-/// that rests in the recording rests in the system too. One thread at a time.
+/// Feeds tracks into a system, as a session takes a client's poses. An object is only sent when its recorded pose changed,
+/// and not before it first leaves the place that the world has it in: what rests in the recording rests in the system too.
+/// One thread at a time.
 class MoverFeed {
 public:
     /// Adopts every track's object; every track has a sample.
@@ -31,8 +28,7 @@ private:
         world::MoverTrack track;
         server::ObjectId id = 0;
         world::Placement rest;
-        world::MoverSample sent;  ///< the pose that the system has
-        bool known = false;       ///< `sent` is valid: something was sent, or the rest placement is it
+        std::optional<world::MoverSample> sent;  ///< the pose that the system has, once it is not `rest`
     };
     std::vector<Object> objects_;
     std::vector<server::ObjectUpdate> updates_;

@@ -69,6 +69,11 @@ private:
     size_t count_ = 0;
 };
 
+// Recordings carry decimals: millimetres, and quaternions to five places. A pose this near to the
+// world's own is the same place, rounded.
+constexpr double kSamePlace = 1e-3;   // [m]
+constexpr double kSameLinear = 1e-4;  // of the largest factor
+
 Result<MoverSample> sampleOf(const Row& row, const RecordLines& lines) {
     std::array<double, kColumns.size()> values{};
     for (size_t column = 0; column < kColumns.size(); ++column) {
@@ -181,6 +186,29 @@ const MoverSample& sampleAt(const MoverTrack& track, double time) {
     const auto after = std::upper_bound(track.samples.begin(), track.samples.end(), time,
                                         [](double t, const MoverSample& sample) { return t < sample.time; });
     return after == track.samples.begin() ? *after : *(after - 1);
+}
+
+Placement moved(const Placement& rest, const MoverSample& pose) {
+    glm::dvec3 factors(glm::length(glm::dvec3(rest.linear[0])), glm::length(glm::dvec3(rest.linear[1])),
+                       glm::length(glm::dvec3(rest.linear[2])));
+    const double mean = std::cbrt(factors.x * factors.y * factors.z);
+    // A flat rest placement has no ratios that a scale could multiply: its factors are kept as they are.
+    factors = mean > 0 ? factors * (pose.scale / mean) : factors;
+    if (glm::determinant(rest.linear) < 0) factors.x = -factors.x;
+    const glm::dmat3 rotation = glm::mat3_cast(pose.orientation);
+    Placement placement;
+    placement.linear = glm::mat3(rotation[0] * factors.x, rotation[1] * factors.y, rotation[2] * factors.z);
+    placement.translation = pose.position;
+    return placement;
+}
+
+bool standsAt(const Placement& a, const Placement& b) {
+    double largest = 0, apart = 0;
+    for (int column = 0; column < 3; ++column) {
+        largest = std::max(largest, double(glm::length(b.linear[column])));
+        apart = std::max(apart, double(glm::length(a.linear[column] - b.linear[column])));
+    }
+    return glm::length(a.translation - b.translation) <= kSamePlace && apart <= kSameLinear * largest;
 }
 
 }  // namespace world

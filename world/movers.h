@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "world/mesh.h"
 #include "world/result.h"
 
 namespace world {
@@ -31,5 +32,13 @@ Result<Done> writeMovers(const std::string& path, const std::vector<MoverTrack>&
 /// The latest sample at or before `time` (the first one before the track starts). Not interpolated:
 /// recorded jumps stay jumps.
 const MoverSample& sampleAt(const MoverTrack& track, double time);
+
+/// Placement of an object whose world placement is `rest` at a recorded pose. A recording has one scale, the cube root of
+/// the object's three factors, so the rest placement's own factors keep their ratios; a mirrored rest placement stays
+/// mirrored, along its own x. Total: no failure.
+Placement moved(const Placement& rest, const MoverSample& pose);
+
+/// Whether `a` is the place `b`, as far as a recording's decimals tell: millimetres, and quaternions to five places.
+bool standsAt(const Placement& a, const Placement& b);
 
 }  // namespace world

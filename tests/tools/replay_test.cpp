@@ -109,19 +109,19 @@ TEST_F(Moved, KeepsTheRatiosOfTheRestPlacement) {
         const glm::dquat q = turn(), q2 = turn();
         const world::Placement rest = place(q, factors, at);
         // Factors come out of a float matrix: seven digits of values below 3.
-        EXPECT_LT(apart(tools::moved(rest, {0, at, q, mean}), rest), 3e-6) << round;
+        EXPECT_LT(apart(world::moved(rest, {0, at, q, mean}), rest), 3e-6) << round;
         const glm::dvec3 elsewhere = at + glm::dvec3(3, 2, 1);
         EXPECT_LT(
-            apart(tools::moved(rest, {1, elsewhere, q2, 2 * mean}), place(q2, 2.0 * factors, elsewhere)),
+            apart(world::moved(rest, {1, elsewhere, q2, 2 * mean}), place(q2, 2.0 * factors, elsewhere)),
             6e-6);
     }
 }
 
 TEST_F(Moved, KeepsAMirrorAndAFlatShape) {
     const world::Placement mirrored = place(turn(), {-2, 2, 2}, {});
-    EXPECT_LT(glm::determinant(tools::moved(mirrored, {0, {}, turn(), 2}).linear), 0);
+    EXPECT_LT(glm::determinant(world::moved(mirrored, {0, {}, turn(), 2}).linear), 0);
     const world::Placement flat = place(turn(), {1, 0, 3}, {});
-    const world::Placement still = tools::moved(flat, {0, {}, glm::dquat(1, 0, 0, 0), 5});
+    const world::Placement still = world::moved(flat, {0, {}, glm::dquat(1, 0, 0, 0), 5});
     EXPECT_LT(apart(still, place(glm::dquat(1, 0, 0, 0), {1, 0, 3}, {})), 1e-6);
 }
 

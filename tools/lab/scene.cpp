@@ -116,7 +116,7 @@ Result<Scene> Scene::load(const world::WorldStore& store, std::span<const world:
 std::span<const CasterId> Scene::moveTo(double time) {
     moved_.clear();
     for (const Track& t : tracks_) {
-        const world::Placement placement = moved(t.rest, world::sampleAt(t.track, time));
+        const world::Placement placement = world::moved(t.rest, world::sampleAt(t.track, time));
         if (placement == table_[t.caster].placement) continue;
         table_.place(t.caster, placement);
         moved_.push_back(t.caster);
