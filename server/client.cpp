@@ -18,6 +18,10 @@ using world::Result;
 
 namespace {
 
+std::chrono::system_clock::time_point momentIn(double seconds) {
+    return std::chrono::system_clock::now() + std::chrono::milliseconds(int64_t(seconds * 1e3));
+}
+
 Error errorOf(const grpc::Status& status) {
     const auto code = [&] {
         switch (status.error_code()) {
@@ -91,6 +95,12 @@ Result<Done> ClientSession::close() {
 struct Client::Impl {
     std::shared_ptr<grpc::Channel> channel;
     std::unique_ptr<v1::Gnomon::Stub> stub;
+    std::optional<double> patience;  ///< [s]
+
+    /// A call that begins now.
+    void begin(grpc::ClientContext& context) const {
+        if (patience) context.set_deadline(momentIn(*patience));
+    }
 };
 
 Client::Client(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -117,7 +127,7 @@ Result<Client> Client::connect(const std::string& address, const std::optional<T
 }
 
 Result<Done> Client::healthy(double seconds) {
-    const auto until = std::chrono::system_clock::now() + std::chrono::milliseconds(int64_t(seconds * 1e3));
+    const auto until = momentIn(seconds);
     if (!impl_->channel->WaitForConnected(until)) return Error{ErrorCode::kIo, "no server answers at that address"};
     grpc::ClientContext context;
     context.set_deadline(until);
@@ -126,15 +136,27 @@ Result<Done> Client::healthy(double seconds) {
     return Done{};
 }
 
+void Client::setPatience(double seconds) { impl_->patience = seconds; }
+
 Result<std::vector<std::string>> Client::worlds() {
     grpc::ClientContext context;
+    impl_->begin(context);
     v1::ListWorldsReply reply;
     if (const auto status = impl_->stub->ListWorlds(&context, {}, &reply); !status.ok()) return errorOf(status);
     return std::vector<std::string>(reply.names().begin(), reply.names().end());
 }
 
+Result<std::vector<v1::SessionInfo>> Client::sessions() {
+    grpc::ClientContext context;
+    impl_->begin(context);
+    v1::ListSessionsReply reply;
+    if (const auto status = impl_->stub->ListSessions(&context, {}, &reply); !status.ok()) return errorOf(status);
+    return std::vector<v1::SessionInfo>(reply.sessions().begin(), reply.sessions().end());
+}
+
 Result<v1::WorldInfo> Client::openWorld(const std::string& name) {
     grpc::ClientContext context;
+    impl_->begin(context);
     v1::OpenWorldRequest request;
     request.set_name(name);
     v1::WorldInfo reply;
@@ -155,6 +177,7 @@ Result<std::unique_ptr<ClientSession>> Client::session(const v1::OpenSession& op
 
 Result<v1::QueryShadowReply> Client::query(const v1::QueryShadowRequest& request) {
     grpc::ClientContext context;
+    impl_->begin(context);
     v1::QueryShadowReply reply;
     if (const auto status = impl_->stub->QueryShadow(&context, request, &reply); !status.ok()) return errorOf(status);
     return reply;
@@ -162,6 +185,7 @@ Result<v1::QueryShadowReply> Client::query(const v1::QueryShadowRequest& request
 
 Result<v1::ShadowMask> Client::mask(const v1::GetShadowMaskRequest& request) {
     grpc::ClientContext context;
+    impl_->begin(context);
     v1::ShadowMask reply;
     if (const auto status = impl_->stub->GetShadowMask(&context, request, &reply); !status.ok()) return errorOf(status);
     return reply;
@@ -169,6 +193,7 @@ Result<v1::ShadowMask> Client::mask(const v1::GetShadowMaskRequest& request) {
 
 Result<std::vector<v1::DepthTile>> Client::depthMap(const v1::GetDepthMapRequest& request) {
     grpc::ClientContext context;
+    impl_->begin(context);
     const auto reader = impl_->stub->GetDepthMap(&context, request);
     std::vector<v1::DepthTile> tiles;
     for (v1::DepthTile tile; reader->Read(&tile);) tiles.push_back(std::move(tile));

@@ -46,7 +46,10 @@ public:
 
     /// kIo within `seconds` where the server is not reached or does not serve.
     world::Result<world::Done> healthy(double seconds = 5);
+    /// From now on questions below, but for `session`, end with kIo after so long.
+    void setPatience(double seconds);
     world::Result<std::vector<std::string>> worlds();
+    world::Result<std::vector<gnomon::v1::SessionInfo>> sessions();
     world::Result<gnomon::v1::WorldInfo> openWorld(const std::string& name);
     world::Result<std::unique_ptr<ClientSession>> session(const gnomon::v1::OpenSession& open);
     world::Result<gnomon::v1::QueryShadowReply> query(const gnomon::v1::QueryShadowRequest& request);

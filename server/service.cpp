@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "server/gnomon.grpc.pb.h"
+#include "server/oversight.h"
 #include "server/recording.h"
 #include "server/session.h"
 #include "server/session_stream.h"
@@ -89,7 +90,8 @@ struct Live {
     uint64_t number = 0;
     std::string secret;
     std::shared_ptr<HostedSession> session;  ///< under the service's lock; null until it is open, and again at its end
-    uint64_t drawn = 0;  ///< frames; of the session's thread
+    v1::SessionInfo info;  ///< under the service's lock
+    Clock::time_point opened;
     bool gone = false;  ///< gRPC has let go of the stream
 };
 
@@ -214,8 +216,19 @@ struct Service::Impl final : v1::Gnomon::WithCallbackMethod_Session<v1::Gnomon::
             session = std::move(live.session);
         }
         session.reset();
-        tell({"ended", live.number, status.ok() ? "by the client" : status.error_message(), live.drawn});
+        tell({"ended", live.number, status.ok() ? "by the client" : status.error_message(), live.info.frames()});
         return status;
+    }
+
+    Status ListSessions(grpc::ServerContext*, const v1::ListSessionsRequest*, v1::ListSessionsReply* reply) override {
+        const std::lock_guard lock(mutex);
+        for (const auto& live : lives) {
+            if (!live->session) continue;
+            v1::SessionInfo* info = reply->add_sessions();
+            *info = live->info;
+            info->set_open_seconds(std::chrono::duration<double>(Clock::now() - live->opened).count());
+        }
+        return Status::OK;
     }
 
     Status QueryShadow(grpc::ServerContext*, const v1::QueryShadowRequest* request, v1::QueryShadowReply* reply) override {
@@ -252,7 +265,9 @@ struct Service::Impl final : v1::Gnomon::WithCallbackMethod_Session<v1::Gnomon::
         std::shared_ptr<HostedSession> session;
         {
             const std::lock_guard lock(mutex);
-            const auto found = std::find_if(lives.begin(), lives.end(), [&](const auto& live) { return live->session && live->secret == name; });
+            const auto found = std::find_if(lives.begin(), lives.end(), [&](const auto& live) {
+                return live->session && (live->secret == name || (!token.empty() && std::to_string(live->number) + "@" + token == name));
+            });
             if (found == lives.end()) return {StatusCode::NOT_FOUND, "session: none of that name is open; give what SessionOpened told"};
             session = (*found)->session;
         }
@@ -284,6 +299,9 @@ struct Service::Impl final : v1::Gnomon::WithCallbackMethod_Session<v1::Gnomon::
         {
             const std::lock_guard lock(mutex);
             live.session = std::move(session.value());
+            live.opened = Clock::now();
+            live.info.set_number(live.number);
+            live.info.set_world(reply.opened().world().name());
         }
         tell({"opened", live.number, reply.opened().world().name(), 0});
         Recorder recorder;
@@ -311,7 +329,10 @@ struct Service::Impl final : v1::Gnomon::WithCallbackMethod_Session<v1::Gnomon::
             auto frame = live.session->frame(request.frame());
             if (!frame) return statusOf(frame.error());
             *reply.mutable_frame() = std::move(frame.value());
-            ++live.drawn;
+            {
+                const std::lock_guard lock(mutex);
+                addFrame(live.info, reply.frame());
+            }
             framesDrawn.fetch_add(1, std::memory_order_relaxed);
             reply.mutable_frame()->set_answers(uint32_t(requests.size()));
             if (const Status kept = recorder.keep(EntryKind::kReply, reply); !kept.ok()) return kept;
@@ -368,6 +389,7 @@ struct Service::Impl final : v1::Gnomon::WithCallbackMethod_Session<v1::Gnomon::
     std::thread watcher;
     std::string address;
     std::unique_ptr<ShareSocket> sharing;  ///< null: no memory is shared
+    std::string token;  ///< the operator's; empty: none
     std::unique_ptr<grpc::Server> server;
 };
 
@@ -391,6 +413,7 @@ Result<std::unique_ptr<Service>> Service::start(SessionHost& host, const Service
         impl->sharing = std::move(sharing.value());
     }
     impl->started = std::chrono::duration_cast<std::chrono::seconds>(std::chrono::system_clock::now().time_since_epoch()).count();
+    if (!config.operatorFile.empty()) impl->token = secret();
 
     grpc::EnableDefaultHealthCheckService(true);
     grpc::reflection::InitProtoReflectionServerBuilderPlugin();
@@ -408,6 +431,8 @@ Result<std::unique_ptr<Service>> Service::start(SessionHost& host, const Service
     impl->server = builder.BuildAndStart();
     if (!impl->server || (port == 0 && !config.listen.starts_with("unix:")))
         return Error{ErrorCode::kIo, "listen " + config.listen + ": that address cannot be had; is another server on it?"};
+    if (!config.operatorFile.empty())
+        if (const auto written = writeToken(config.operatorFile, impl->token); !written) return written.error();
     const size_t colon = config.listen.rfind(':');
     impl->address = config.listen.starts_with("unix:") ? config.listen : config.listen.substr(0, colon + 1) + std::to_string(port);
     impl->watcher = std::thread([i = impl.get()] { i->watch(); });

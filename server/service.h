@@ -21,6 +21,7 @@ struct ServiceConfig {
     std::string record;                       ///< folder for a recording of each session; empty: none
     bool keepRecordings = true;               ///< false: each is removed when its session ends
     std::string share;                        ///< path of the Unix socket where shared maps are fetched; empty: none are shared
+    std::string operatorFile;                 ///< gets a token, for its owner alone, by which any session may be asked; empty: none
     size_t sessions = 64;                     ///< at the same time, > 0
     size_t messageBytes = 64u << 20;          ///< of one request, > 0
     size_t waitingFrames = 64;                ///< that become one where the latest pose wins, > 0

@@ -5,6 +5,7 @@
 #include <iostream>
 
 #include "tools/bake_command.h"
+#include "tools/ctl_command.h"
 #include "tools/edit_command.h"
 #include "tools/info_command.h"
 #include "tools/lab_command.h"
@@ -36,7 +37,8 @@ int main(int argc, char** argv) {
                                        tools::addReplayCommand(app), tools::addSoakCommand(app),
                                        tools::addStressCommand(app), tools::addEditCommand(app),
                                        tools::addLabCommand(app), tools::addTuneCommand(app),
-                                       tools::addReportCommand(app), tools::addServeCommand(app)};
+                                       tools::addReportCommand(app), tools::addServeCommand(app),
+                                       tools::addCtlCommand(app)};
     try {
         app.parse(argc, argv);
     } catch (const CLI::ParseError& error) {

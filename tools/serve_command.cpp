@@ -194,6 +194,7 @@ Command addServeCommand(CLI::App& app) {
         ->check(CLI::Range(0, 65535));
     parser->add_option("--record", options->service.record, "folder for a recording of each session; none by default");
     parser->add_option("--share", options->service.share, "path of a Unix socket where clients on this host fetch the memory of their maps; none by default");
+    parser->add_option("--operator", options->service.operatorFile, "file that gets a token for `gnomon ctl dump`, readable by this user alone; none by default");
     parser->add_option("--sessions", options->service.sessions, "open at the same time")->check(CLI::Range(1, 4096))->capture_default_str();
     parser->add_option("--objects", options->session.objects, "that a session may have")->capture_default_str();
     parser->add_option("--updates", options->session.updates, "of objects in one frame")->capture_default_str();

@@ -1,46 +1,12 @@
-// Mutual TLS: who shows a good certificate is served, and nobody else. The certificates are made by openssl.
-#include <cstdlib>
-
+// Mutual TLS: who shows a good certificate is served, and nobody else.
+#include "tests/server/certificates.h"
 #include "tests/server/clients.h"
 
 namespace {
 
-/// An authority, and certificates that it signed, or did not.
-struct Certificates {
-    std::string folder = tests::temporary("certificates");
-    Certificates() {
-        std::filesystem::create_directory(folder);
-        authority("ours");
-        authority("theirs");
-        issue("server", "ours", "-days 2");
-        issue("client", "ours", "-days 2");
-        issue("stranger", "theirs", "-days 2");
-        issue("expired", "ours", "-days -1");
-    }
-    server::TlsFiles files(const std::string& who, const std::string& trusts = "ours") const {
-        return {folder + "/" + who + ".pem", folder + "/" + who + ".key", folder + "/" + trusts + ".pem"};
-    }
-
-private:
-    void run(const std::string& command) const {
-        if (std::system(("cd " + folder + " && " + command + " >openssl.log 2>&1").c_str()) != 0)
-            throw std::runtime_error("openssl: " + command);
-    }
-    void authority(const std::string& name) const {
-        run("openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -subj /CN=" + name + " -days 2 -keyout " + name +
-            ".key -out " + name + ".pem");
-    }
-    void issue(const std::string& name, const std::string& by, const std::string& days) const {
-        run("openssl req -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -subj /CN=" + name + " -keyout " + name + ".key -out " +
-            name + ".csr");
-        run("printf 'subjectAltName=IP:127.0.0.1' > san && openssl x509 -req -in " + name + ".csr -CA " + by + ".pem -CAkey " + by +
-            ".key -CAcreateserial -extfile san " + days + " -out " + name + ".pem");
-    }
-};
-
 TEST(Tls, ServesWhoShowsAGoodCertificateAndNobodyElse) {
     const auto host = tests::localHost();
-    const Certificates certificates;
+    const tests::Certificates certificates;
     server::ServiceConfig config = tests::serviceConfig();
     config.tls = certificates.files("server");
     const tests::Running running(config);
@@ -59,7 +25,7 @@ TEST(Tls, ServesWhoShowsAGoodCertificateAndNobodyElse) {
 
 TEST(Tls, LetsOtherAddressesBeListenedOn) {
     const auto host = tests::localHost();
-    const Certificates certificates;
+    const tests::Certificates certificates;
     server::ServiceConfig config = tests::serviceConfig();
     config.listen = "0.0.0.0:0";
     config.tls = certificates.files("server");
