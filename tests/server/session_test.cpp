@@ -4,6 +4,7 @@
 #include "tests/server/clients.h"
 #include "tests/server/rays.h"
 #include "world/hash.h"
+#include "world/movers.h"
 
 namespace {
 
@@ -124,6 +125,71 @@ TEST(Session, MovesOfABadFrameAreMadeByTheNext) {
     for (const v1::Cascade& c : reply.value().cascades())
         for (const v1::CauseCost& cause : c.causes()) demoted += cause.cause() == "demotion";
     EXPECT_GT(demoted, 0u);
+}
+
+TEST(Session, TakesPosesAsRecordingsHaveThem) {
+    const auto posed = open(), placed = open();
+    world::Placement rest = tests::placedAt({4, 2, 1});
+    rest.linear = glm::mat3(1, 0, 0, 0, 3, 0, 0, 0, 0.5f);  // its ratios stay
+    const auto fill = [](v1::Placement* to, const world::Placement& from) {
+        tests::put(to->mutable_translation(), from.translation);
+        for (int i = 0; i < 9; ++i) to->add_linear(from.linear[i / 3][i % 3]);
+    };
+    const auto frameOf = [](uint64_t k) {
+        v1::Frame frame = lifeFrame(k);
+        frame.clear_objects();
+        frame.clear_edits();
+        return frame;
+    };
+    std::mt19937 rng(5);
+    std::uniform_real_distribution<double> unit(-1, 1);
+    for (uint64_t k = 0; k < 12; ++k) {
+        v1::Frame poses = frameOf(k), places = frameOf(k);
+        if (k == 0) {
+            v1::ObjectUpdate* spawn = poses.add_objects();
+            spawn->set_object(3);
+            spawn->mutable_spawn()->set_mesh(1);
+            spawn->mutable_spawn()->set_at_rest(true);
+            fill(spawn->mutable_spawn()->mutable_placement(), rest);
+            *places.add_objects() = *spawn;
+        }
+        world::MoverSample sample{0, rest.translation + glm::dvec3(4e-4, 0, 0), glm::dquat(1, 0, 0, 0), std::cbrt(1.5)};
+        // Until frame 4 it rests, to a recording's rounding; in frame 9 it comes back to the same place, and that is a move.
+        if (k >= 4 && k != 9) {
+            sample.position += glm::dvec3(unit(rng), 0, unit(rng));
+            sample.orientation = glm::normalize(glm::dquat(unit(rng), unit(rng), unit(rng), unit(rng)));
+            sample.scale *= 1 + 0.5 * unit(rng);
+        }
+        v1::ObjectUpdate* pose = poses.add_objects();
+        pose->set_object(3);
+        tests::put(pose->mutable_pose()->mutable_position(), sample.position);
+        pose->mutable_pose()->mutable_orientation()->set_x(sample.orientation.x);
+        pose->mutable_pose()->mutable_orientation()->set_y(sample.orientation.y);
+        pose->mutable_pose()->mutable_orientation()->set_z(sample.orientation.z);
+        pose->mutable_pose()->mutable_orientation()->set_w(sample.orientation.w);
+        pose->mutable_pose()->set_scale(sample.scale);
+        if (k >= 4) {
+            v1::ObjectUpdate* move = places.add_objects();
+            move->set_object(3);
+            fill(move->mutable_move(), world::moved(rest, sample));
+        }
+        const auto a = posed->frame(poses), b = placed->frame(places);
+        ASSERT_TRUE(a && b);
+        ASSERT_EQ(a.value().errors_size(), 0);
+        ASSERT_EQ(tests::deterministic(a.value()), tests::deterministic(b.value())) << "frame " << k;
+    }
+    v1::Frame wrong = frameOf(12);
+    for (int i = 0; i < 3; ++i) wrong.add_objects()->set_object(3);
+    wrong.mutable_objects(0)->mutable_pose()->mutable_orientation()->set_x(2);
+    wrong.mutable_objects(1)->mutable_pose()->set_scale(-1);
+    wrong.mutable_objects(2)->mutable_pose()->mutable_position()->set_y(std::nan(""));
+    const auto reply = posed->frame(wrong);
+    ASSERT_TRUE(reply);
+    ASSERT_EQ(reply.value().errors_size(), 3);
+    EXPECT_NE(reply.value().errors(0).what().find("pose.orientation"), std::string::npos);
+    EXPECT_NE(reply.value().errors(1).what().find("pose.scale"), std::string::npos);
+    EXPECT_NE(reply.value().errors(2).what().find("object 3"), std::string::npos) << reply.value().errors(2).what();
+    tests::expectSilence();
 }
 
 TEST(Session, LimitsAreNamed) {
