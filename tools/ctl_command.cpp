@@ -244,7 +244,7 @@ Command addCtlCommand(CLI::App& app) {
     CLI::App* healthParser = add("health", "Whether it serves");
     CLI::App* worldsParser = add("worlds", "The worlds that it serves");
     CLI::App* sessionsParser = add("sessions", "The sessions that are open");
-    CLI::App* dumpParser = add("dump", "One cascade's depths as a picture, in the order of its window");
+    CLI::App* dumpParser = add("dump", "One cascade's depths as a picture: its window, the low corner at the top left");
     dumpParser->add_option("session", options->session, "its secret, or with --operator its number")->required();
     dumpParser->add_option("cascade", options->cascade, "camera by camera, from 0")->required();
     dumpParser->add_option("-o,--output", options->output, "NAME.png, 16 bits a texel, or NAME.pfm, floats")->required();

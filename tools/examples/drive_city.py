@@ -122,12 +122,13 @@ def plot(replies, poses, title, picture):
     cost_axes.plot(at, [sum(c.whole.triangles for c in r.cascades) for r in replies], "k--", linewidth=1, label="drawing everything")
     for name, triangles in sorted(causes.items(), key=lambda item: -sum(item[1])):
         cost_axes.plot(at, [n or math.nan for n in triangles], ".", markersize=3, label=name)
-    cost_axes.set(yscale="log", ylabel="static triangles a frame")
-    cost_axes.legend(loc="upper right", fontsize="small")
+    cost_axes.plot(at, [sum(c.active.triangles for c in r.cascades) or math.nan for r in replies], "tab:gray", linewidth=1, label="movers")
+    cost_axes.set(yscale="log", ylabel="triangles a frame")
     time_axes.plot(at, [r.times.advance for r in replies], linewidth=1, label="the frame")
-    time_axes.plot(at, [r.times.gpu for r in replies], linewidth=1, label="of it, drawing")
+    time_axes.plot(at, [r.times.gpu or math.nan for r in replies], linewidth=1, label="of it, drawing")
     time_axes.set(yscale="log", xlabel="time [s]", ylabel="time a frame [ms]")
-    time_axes.legend(loc="upper right", fontsize="small")
+    for axes in (cost_axes, time_axes):
+        axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=8, frameon=False, fontsize="small")  # above, where it hides nothing
     figure.savefig(picture, dpi=120)
 
 
