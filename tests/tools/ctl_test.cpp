@@ -151,6 +151,8 @@ TEST_F(Ctl, SaysWhereNoServerIs) {
     expectRefusal("tail --server 127.0.0.1:1", 3, "127.0.0.1:1");
     expectRefusal("health --cert a --key b", 2, "--ca");
     expectRefusal("", 2, "subcommand");
+    served_->freeze();
+    expectRefusal("worlds " + at_, 3, "no server answers");
     served_->stop();
     expectRefusal("sessions " + at_, 3, "gnomon serve");
 }

@@ -50,10 +50,13 @@ public:
     Served& operator=(const Served&) = delete;
 
     const std::string& address() const { return address_; }
+    /// It answers nobody until it is stopped.
+    void freeze() const { ::kill(pid_, SIGSTOP); }
     /// Its exit status; -1 where it was stopped before.
     int stop() {
         if (pid_ == 0) return -1;
         ::kill(pid_, SIGTERM);
+        ::kill(pid_, SIGCONT);
         int status = 0;
         ::waitpid(pid_, &status, 0);
         pid_ = 0;

@@ -110,7 +110,8 @@ Result<Done> drive(const std::string& address, const std::string& name, const st
 
     auto client = server::Client::connect(address);
     if (!client) return client.error();
-    if (const auto healthy = client.value().healthy(); !healthy) return healthy;
+    if (const auto healthy = client.value().healthy(); !healthy)
+        return world::Error{healthy.error().code, address + ": " + healthy.error().what + "; start `gnomon serve` there"};
     v1::OpenSession open;
     open.set_world(name);
     const auto session = client.value().session(open);
