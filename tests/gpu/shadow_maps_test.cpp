@@ -1,5 +1,8 @@
 #include "gpu/shadow_maps.h"
 
+#include <cstdlib>
+#include <cstring>
+
 #include "gpu/device_impl.h"
 #include "scene.h"
 
@@ -543,6 +546,31 @@ TEST_F(Maps, TheNearestDepthIsOneUnitOf16Bits) {
 
 INSTANTIATE_TEST_SUITE_P(Formats, FormatMaps, testing::Values(DepthFormat::kD32, DepthFormat::kD16),
                          [](const auto& test) { return nameOf(test.param); });
+
+TEST_F(Maps, SharedMemoryHoldsWorkingMapsImportedOrNot) {
+    constexpr size_t kMap = 64 * 64 * sizeof(float), kPage = 4096;
+    makeMaps(64, 2);
+    const cache::GeometryId id = upload(unitQuad());
+    cache::FramePlan plan = emptyPlan(2);
+    plan.cascades[1].staticPasses = {addPass(plan, id, 64, {{{3, 5}, {40, 21}, 0.25}}, whole(64))};
+    execute(plan);
+    const std::unique_ptr<std::byte, void (*)(void*)> memory(static_cast<std::byte*>(std::aligned_alloc(kPage, 4 * kMap)), std::free);
+    const bool imports = device->impl().importAlignment > 0 && kPage % device->impl().importAlignment == 0;
+    for (const size_t skip : {size_t(0), size_t(64)}) {  // the second is no driver's to import
+        std::fill_n(memory.get(), 4 * kMap, std::byte(0x55));
+        const auto shared = maps->share({memory.get() + skip, 3 * kMap});
+        ASSERT_TRUE(shared) << shared.error().what;
+        EXPECT_EQ(shared.value(), imports && skip == 0);
+        ASSERT_TRUE(maps->copyWorking(std::vector<ShadowMaps::MapCopy>{{1, 2 * kMap}, {0, 0}}));
+        for (const auto& [cascade, at] : {std::pair(0, size_t(0)), std::pair(1, 2 * kMap)}) {
+            const std::vector<float> expected = read(MapKind::kWorking, cascade);
+            EXPECT_EQ(std::memcmp(memory.get() + skip + at, expected.data(), kMap), 0) << "cascade " << cascade;
+        }
+        EXPECT_EQ(memory.get()[skip + kMap], std::byte(0x55)) << "nothing was copied there";
+    }
+    EXPECT_LT(read(MapKind::kWorking, 1)[10 * 64 + 10], 1.0f) << "something casts";
+    maps.reset();  // before the memory
+}
 
 using MapsDeathTest = Maps;
 
