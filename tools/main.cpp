@@ -15,6 +15,7 @@
 #include "tools/serve_command.h"
 #include "tools/soak_command.h"
 #include "tools/stress_command.h"
+#include "tools/sweep_command.h"
 #include "tools/tune_command.h"
 
 namespace {
@@ -38,7 +39,7 @@ int main(int argc, char** argv) {
                                        tools::addStressCommand(app), tools::addEditCommand(app),
                                        tools::addLabCommand(app), tools::addTuneCommand(app),
                                        tools::addReportCommand(app), tools::addServeCommand(app),
-                                       tools::addCtlCommand(app)};
+                                       tools::addCtlCommand(app), tools::addSweepCommand(app)};
     try {
         app.parse(argc, argv);
     } catch (const CLI::ParseError& error) {
