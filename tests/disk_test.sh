@@ -66,4 +66,28 @@ cmp -s disk/r.sqlite before.sqlite || fail "the results file has changed"
 run || fail "the run after there was room"
 "$gnomon" report --diff 'disk/r.sqlite#1' 'disk/r.sqlite#2' >log 2>&1 || fail "two runs"
 grep -q "Nothing differs" log || fail "the runs differ"
+
+# Shards of a sweep: what does not fit fails or is lost, and is resumed.
+printf 'worlds = ["old.world"]\n[[path]]\nfile = "way.tum"\n[[settings]]\nsun = "135,40"\nresolution = 64\nguard-band = [1, 2]\n' > plan.toml
+sweep() { "$gnomon" sweep "$@" >log 2>&1; }
+fill() { head -c 100000000 /dev/zero > disk/filler 2>/dev/null || true; }
+fill
+status=0
+sweep plan.toml -o disk/sweep || status=$?
+[[ $status == 3 ]] || fail "status $status of a sweep on a full disk"
+grep '^gnomon: ' log | grep -qF "with room" || fail "no word of room"
+rm disk/filler
+sweep plan.toml -o disk/sweep || fail "the sweep after there was room"
+sweep merge disk/sweep -o swept.sqlite || fail "the merge"
+rm disk/sweep/shards/*
+fill
+status=0
+sweep resume disk/sweep || status=$?
+[[ $status == 1 ]] || fail "status $status of shards on a full disk"
+grep -q "2 shards: 0 done" log || fail "a shard that does not fit is done"
+rm disk/filler
+sweep resume disk/sweep || fail "the resumption after there was room"
+sweep merge disk/sweep -o swept.sqlite || fail "other results after the disk was full"
+grep -q "2 of 2 shards, 0 of them new" log || fail "shards merged twice"
+[[ -z $(ls disk/sweep/shards | grep partial) ]] || fail "left behind: $(ls disk/sweep/shards)"
 echo "full, read-only and shared disks: nothing lost"

@@ -60,20 +60,20 @@ wait_for 20 "the nodes are not there" '[[ $(sinfo --noheader --states=idle --for
 
 "$gnomon" sweep plan.toml -o cluster --slurm >log 2>&1 || fail "the submission"
 scancel "$(cut -d ' ' -f 1 cluster/jobs)_47"  # a shard that Slurm will not run
-wait_for 60 "a quarter of the shards is not done" '(( $(count cluster done) >= 12 ))'
+wait_for 240 "a quarter of the shards is not done" '(( $(count cluster done) >= 12 ))'
 wait_for 10 "a node has no task" '[[ -n $(tasks_of n1) && -n $(tasks_of n2) ]]'
 # The controller, all of one node, and the tasks of the other, of which Slurm hears nothing but that they ended.
 kill -9 "$(cat slurmctld.pid)" $(processes_of n2) $(tasks_of n1) || true  # some may just have ended
 done_then=$(count cluster done)
 ((done_then < 48)) || fail "all was done before anything was killed"
 slurmctld && node_start n2 || fail "the daemons do not start again"
-wait_for 60 "the cluster is not at rest" 'at_rest cluster'
+wait_for 240 "the cluster is not at rest" 'at_rest cluster'
 resumed=0
 until [[ $(count cluster done) == 48 ]]; do
     ((++resumed <= 3)) || fail "shards are lost again and again: $("$gnomon" sweep status cluster)"
     echo "$(count cluster lost) lost, $(count cluster failed) failed: resumed"
     "$gnomon" sweep resume cluster >log 2>&1 || fail "the resumption"
-    wait_for 60 "the cluster is not at rest" 'at_rest cluster'
+    wait_for 240 "the cluster is not at rest" 'at_rest cluster'
 done
 ((resumed > 0)) || fail "a cancelled shard is there"
 
@@ -121,5 +121,5 @@ PATH=$work/bin:$PATH
 rm plan.toml
 awk '/^```sh/ { on = 1; next } /^```$/ { on = 0 } on' "$document" > commands
 grep -q -- --slurm commands || fail "$document has no command for Slurm"
-timeout 60 bash -euo pipefail commands >log 2>&1 || fail "the commands of $document"
+timeout 240 bash -euo pipefail commands >log 2>&1 || fail "the commands of $document"
 echo "48 shards, $done_then done before the controller and a node were killed, resumed $resumed times: each once, and as on one machine"

@@ -72,9 +72,12 @@ Result<int> tell(const Sweep& sweep, std::vector<Status> status) {
 
 /// Runs what is open of a sweep, here or by Slurm.
 Result<int> goOn(const Sweep& sweep, bool slurm, int jobs) {
-    const auto queue = askQueue(sweep);
-    if (!queue) return queue.error();
-    auto status = sweep.status(queue.value());
+    if (const auto ours = sweep.requireProgram(); !ours) return ours.error();
+    const auto asked = askQueue(sweep);
+    if (!asked && slurm) return asked.error();
+    if (!asked) std::cerr << "gnomon: " << asked.error().what << "; what is queued may now run twice\n";
+    const sweep::Queue queue = asked ? asked.value() : sweep::Queue();
+    auto status = sweep.status(queue);
     if (!status) return status.error();
     const std::vector<size_t> numbers = open(status.value());
     if (slurm) {
@@ -88,7 +91,7 @@ Result<int> goOn(const Sweep& sweep, bool slurm, int jobs) {
     sweep.tidy();
     const auto whole = runHere(sweep, numbers, jobs);
     if (!whole) return whole.error();
-    if (status = sweep.status(queue.value()); !status) return status.error();
+    if (status = sweep.status(queue); !status) return status.error();
     if (!whole.value()) std::cout << "interrupted; gnomon sweep resume " << sweep.folder.string() << " goes on\n";
     return tell(sweep, std::move(status.value()));
 }

@@ -104,6 +104,8 @@ TEST_F(SweepRun, AFolderIsOfOneSweep) {
     expect("$gnomon sweep plan.toml", 2, "-o FOLDER");
     expect("$gnomon sweep status full", 3, "holds no sweep");
     expect("$gnomon sweep run s --shard 1", 2, "shards 0 to 0");
+    expect("sed -i 's/\"program\": \".*\"/\"program\": \"0\"/' s/sweep.json && $gnomon sweep resume s", 2, "another build");
+    expect("$gnomon sweep run s --shard 0", 2, "another build");
     put("s/sweep.json", "{\"gnomon_sweep\": 1, \"shards\": 7}");
     expect("$gnomon sweep merge s -o r.sqlite", 3, "damaged");
     put("s/sweep.json", "{\"gnomon_sweep\": 2}");
@@ -127,7 +129,7 @@ TEST_F(SweepRun, WhatIsInterruptedOrKilledIsResumed) {
     // Long enough to be met at work: each of these shards draws 400 frames.
     put("plan.toml", "worlds = ['hills.world']\n[[path]]\nfile = 'walk.tum'\nfps = 130\n[[settings]]\nresolution = 64\nverify = 1\nfov = [50, 60, 70]\n");
     const std::string begin = "set -u; $gnomon sweep plan.toml -o s --jobs 1 >out 2>&1 & p=$!\n"
-                              "for k in $(seq 400); do [ -n \"$(ls s/shards 2>/dev/null)\" ] && break; sleep 0.02; done\n";
+                              "for k in $(seq 4000); do [ -n \"$(ls s/shards 2>/dev/null)\" ] && break; sleep 0.02; done\n";
     expect(begin + "kill -INT $p; wait $p; s=$?; cat out; exit $s", 1, "interrupted; gnomon sweep resume");
     const Sweep sweep = opened();
     const std::vector<State> left = states(sweep);

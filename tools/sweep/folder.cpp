@@ -107,6 +107,11 @@ const char* toString(State state) {
     return "lost";
 }
 
+Result<Done> Sweep::requireProgram() const {
+    if (program == hexOf(world::hashProgram())) return Done{};
+    return Error{ErrorCode::kUsage, folder.string() + ": was made by another build of gnomon, whose results may differ; use that one, or make the sweep in another folder"};
+}
+
 bool Sweep::done(const Shard& shard) const {
     std::error_code ignored;
     return fs::exists(results(shard), ignored);
@@ -182,16 +187,17 @@ Result<Sweep> makeSweep(const std::string& folder, Plan plan, bool slurm) {
         const auto sameKey = [](const Shard& a, const Shard& b) { return a.key == b.key; };
         if (!std::equal(there.value().plan.shards.begin(), there.value().plan.shards.end(), sweep.plan.shards.begin(), sweep.plan.shards.end(), sameKey))
             return Error{ErrorCode::kUsage, folder + ": holds a sweep of other shards; give another folder, or the plan that it was made of"};
-        if (there.value().program != sweep.program)
-            return Error{ErrorCode::kUsage, folder + ": was made by another build of gnomon, whose results may differ; give another folder"};
+        if (const auto ours = there.value().requireProgram(); !ours) return ours.error();
     } else if (fs::exists(sweep.folder, error) && (!fs::is_directory(sweep.folder, error) || !fs::is_empty(sweep.folder, error))) {
         return Error{ErrorCode::kUsage, folder + ": holds something else; give a sweep a folder of its own"};
     }
+    fs::create_directories(sweep.folder, error);
+    if (error) return io(sweep.folder, error.value());
+    if (const auto done = writeText((sweep.folder / "sweep.json").string(), toJson(sweep).dump(1) + "\n"); !done) return done.error();
     for (const char* name : {"shards", "logs"}) {
         fs::create_directories(sweep.folder / name, error);
         if (error) return io(sweep.folder / name, error.value());
     }
-    if (const auto done = writeText((sweep.folder / "sweep.json").string(), toJson(sweep).dump(1) + "\n"); !done) return done.error();
     return sweep;
 }
 

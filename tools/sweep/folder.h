@@ -47,6 +47,8 @@ struct Sweep {
     std::filesystem::path results(const Shard& shard) const { return folder / "shards" / (shard.key + ".sqlite"); }
     std::filesystem::path failure(const Shard& shard) const { return folder / "shards" / (shard.key + ".failed"); }
     std::filesystem::path log(const Shard& shard) const { return folder / "logs" / (shard.key + ".log"); }
+    /// kUsage unless this is the program that made the sweep.
+    world::Result<world::Done> requireProgram() const;
     bool done(const Shard& shard) const;
     /// Results of a shard that ran several times, the first ones first.
     std::vector<std::filesystem::path> allResults(const Shard& shard) const;

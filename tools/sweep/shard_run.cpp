@@ -10,11 +10,9 @@
 #include <cstring>
 #include <iostream>
 
-#include "tools/input_hash.h"
 #include "tools/output_folder.h"
 #include "tools/replay_command.h"
 #include "tools/report/run_file.h"
-#include "world/program.h"
 
 namespace tools::sweep {
 namespace {
@@ -79,8 +77,7 @@ Result<Done> run(const Sweep& sweep, const Shard& shard, int threads) {
 Result<Done> runShard(const Sweep& sweep, size_t index, int threads) {
     if (index >= sweep.plan.shards.size())
         return Error{ErrorCode::kUsage, "--shard " + std::to_string(index) + ": the sweep has shards 0 to " + std::to_string(sweep.plan.shards.size() - 1)};
-    if (hexOf(world::hashProgram()) != sweep.program)
-        return Error{ErrorCode::kUsage, sweep.folder.string() + ": was made by another build of gnomon, whose results may differ; run it with that one"};
+    if (const auto ours = sweep.requireProgram(); !ours) return ours;
     const Shard& shard = sweep.plan.shards[index];
     if (sweep.done(shard)) return Done{};
     if (const auto done = speakTo(sweep.log(shard)); !done) return done;
