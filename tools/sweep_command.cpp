@@ -1,9 +1,13 @@
 #include "tools/sweep_command.h"
 
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
+#include <cstring>
 #include <iostream>
 #include <memory>
 #include <optional>
@@ -96,6 +100,18 @@ Result<int> goOn(const Sweep& sweep, bool slurm, int jobs) {
     return tell(sweep, std::move(status.value()));
 }
 
+/// Becomes `gnomon sweep resume`. Reading a plan has left threads, and any of them might take the signals that `runHere` waits
+/// for: a new process has none.
+Error becomeResume(const Sweep& sweep, int jobs) {
+    const std::string folder = sweep.folder.string(), count = std::to_string(jobs);
+    std::vector<const char*> words = {"gnomon", "sweep", "resume", folder.c_str(), "--here"};
+    if (jobs > 0) words.insert(words.end(), {"--jobs", count.c_str()});
+    words.push_back(nullptr);
+    std::cout.flush();
+    execv("/proc/self/exe", const_cast<char* const*>(words.data()));
+    return {ErrorCode::kLimit, std::string("the program cannot be started again: ") + std::strerror(errno) + "; give gnomon sweep resume " + folder, errno};
+}
+
 Result<int> runSweep(const SweepOptions& options) {
     if (options.plan.empty() || options.folder.empty())
         return Error{ErrorCode::kUsage, "sweep: give a plan and a folder for it, gnomon sweep PLAN.toml -o FOLDER, or one of run, status, resume, merge, manifest"};
@@ -103,7 +119,7 @@ Result<int> runSweep(const SweepOptions& options) {
     if (!plan) return plan.error();
     const auto made = sweep::makeSweep(options.folder, std::move(plan.value()), options.slurm);
     if (!made) return made.error();
-    return goOn(made.value(), options.slurm, options.jobs);
+    return options.slurm ? goOn(made.value(), true, 0) : becomeResume(made.value(), options.jobs);
 }
 
 Result<int> runResume(const SweepOptions& options) {

@@ -126,7 +126,9 @@ TEST_F(SweepRun, FailuresAreListedAndTheOthersGoOn) {
 }
 
 TEST_F(SweepRun, WhatIsInterruptedOrKilledIsResumed) {
-    // Long enough to be met at work: each of these shards draws 400 frames.
+    // Large enough to be read by several threads, none of which may take a signal that the parent waits for; and long enough to be
+    // met at work: each of these shards draws 400 frames.
+    ASSERT_TRUE(world::bake(world::test::hillsWorld(6, 16, 2), at("hills.world"), {}));
     put("plan.toml", "worlds = ['hills.world']\n[[path]]\nfile = 'walk.tum'\nfps = 130\n[[settings]]\nresolution = 64\nverify = 1\nfov = [50, 60, 70]\n");
     const std::string begin = "set -u; $gnomon sweep plan.toml -o s --jobs 1 >out 2>&1 & p=$!\n"
                               "for k in $(seq 4000); do [ -n \"$(ls s/shards 2>/dev/null)\" ] && break; sleep 0.02; done\n";
