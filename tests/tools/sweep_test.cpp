@@ -130,9 +130,10 @@ TEST_F(SweepRun, WhatIsInterruptedOrKilledIsResumed) {
     // met at work: each of these shards draws 400 frames.
     ASSERT_TRUE(world::bake(world::test::hillsWorld(6, 16, 2), at("hills.world"), {}));
     put("plan.toml", "worlds = ['hills.world']\n[[path]]\nfile = 'walk.tum'\nfps = 130\n[[settings]]\nresolution = 64\nverify = 1\nfov = [50, 60, 70]\n");
-    const std::string begin = "set -u; $gnomon sweep plan.toml -o s --jobs 1 >out 2>&1 & p=$!\n"
+    const std::string begin = "set -u; setsid $gnomon sweep plan.toml -o s --jobs 1 >out 2>&1 & p=$!\n"
                               "for k in $(seq 4000); do [ -n \"$(ls s/shards 2>/dev/null)\" ] && break; sleep 0.02; done\n";
-    expect(begin + "kill -INT $p; wait $p; s=$?; cat out; exit $s", 1, "interrupted; gnomon sweep resume");
+    // To all of them at once, as Ctrl-C does.
+    expect(begin + "kill -TERM -- -$p; wait $p; s=$?; cat out; exit $s", 1, "interrupted; gnomon sweep resume");
     const Sweep sweep = opened();
     const std::vector<State> left = states(sweep);
     EXPECT_EQ(std::count(left.begin(), left.end(), State::kFailed), 0);
