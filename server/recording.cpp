@@ -92,9 +92,10 @@ Result<Done> RecordingWriter::add(EntryKind kind, std::string_view message) {
     head.u32(uint32_t(message.size()));
     head.u64(checksum(kind, message));
     const std::vector<std::byte> bytes = head.take();
-    const std::string_view headText(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-    if (writeAll(file_, headText) && writeAll(file_, message)) {
-        size_ += headText.size() + message.size();
+    std::string entry(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+    entry.append(message);  // one call of the system's
+    if (writeAll(file_, entry)) {
+        size_ += entry.size();
         return Done{};
     }
     const Error error = ioError(path_, errno);

@@ -122,7 +122,7 @@ Status unrecorded(const std::string& file, const Error& error) {
 struct Recorder {
     /// A session that cannot be recorded ends: a recording that has a hole is worse than one that ends.
     Status keep(EntryKind kind, const google::protobuf::MessageLite& message) {
-        if (!writer) return Status::OK;
+        if (!writer || (temporary && kind == EntryKind::kReply)) return Status::OK;  // only what is to be repeated
         const auto kept = writer->add(kind, message.SerializeAsString());
         return kept ? Status::OK : unrecorded(writer->path(), kept.error());
     }
