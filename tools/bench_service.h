@@ -19,7 +19,7 @@ struct ServiceCost {
     size_t points = 0;
 };
 
-/// Plays the poses, a frame each in turns, in process and over the wire, and then asks. The worker is the program `gnomon` beside
+/// Plays the poses, a second each in turns, in process and over the wire, and then asks. The worker is the program `gnomon` beside
 /// this one. kNotFound where it is not there; errors of world, device and service.
 ///   world  file; its folder is served
 world::Result<ServiceCost> measureService(const std::string& world, std::span<const world::Pose> poses, int questions);

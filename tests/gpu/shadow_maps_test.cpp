@@ -553,6 +553,7 @@ TEST_F(Maps, SharedMemoryHoldsWorkingMapsImportedOrNot) {
     const cache::GeometryId id = upload(unitQuad());
     cache::FramePlan plan = emptyPlan(2);
     plan.cascades[1].staticPasses = {addPass(plan, id, 64, {{{3, 5}, {40, 21}, 0.25}}, whole(64))};
+    plan.cascades[1].restores = {whole(64)};
     execute(plan);
     const std::unique_ptr<std::byte, void (*)(void*)> memory(static_cast<std::byte*>(std::aligned_alloc(kPage, 4 * kMap)), std::free);
     const bool imports = device->impl().importAlignment > 0 && kPage % device->impl().importAlignment == 0;
