@@ -7,7 +7,6 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
-#include <regex>
 #include <sstream>
 
 namespace tools::report {
@@ -17,7 +16,7 @@ using world::Error;
 using world::ErrorCode;
 using world::Result;
 
-constexpr size_t kLongestRule = 200;  ///< [bytes]; the longest that makes sense has 80
+constexpr size_t kLongestRule = 200;  ///< [bytes]; the longest that makes sense has 80, and the nearest name to a longer one takes long
 
 const std::array<std::pair<const char*, double>, 6> kQuantiles{
     {{"min", 0}, {"p50", 0.5}, {"p95", 0.95}, {"p99", 0.99}, {"p99.9", 0.999}, {"max", 1}}};
@@ -44,29 +43,36 @@ bool holds(double value, const std::string& comparison, double limit) {
     return value == limit;
 }
 
+std::string trimmed(const std::string& text) {
+    const size_t first = text.find_first_not_of(" \t"), last = text.find_last_not_of(" \t");
+    return first == std::string::npos ? "" : text.substr(first, last - first + 1);
+}
+
 Result<Rule> parse(const std::string& text, const std::string& where, const ResultColumns& columns) {
-    static const std::regex kRule(R"(([A-Za-z0-9_]+)\.([A-Za-z0-9.]+)\s*(<=|>=|==|<|>)\s*(\S+))");
     const auto wrong = [&](const std::string& what) { return Error{ErrorCode::kUsage, where + ": " + text + ": " + what}; };
-    std::smatch part;
-    // A long text would take the matcher's recursion deep.
-    if (text.size() > kLongestRule || !std::regex_match(text, part, kRule)) return wrong("no rule; give COLUMN.STATISTIC OPERATOR NUMBER, as in triangles.p99 <= 1.05x");
+    const size_t sign = std::min(text.find_first_of("<>="), text.size()), after = std::min(text.find_first_not_of("<>=", sign), text.size());
+    const std::string name = trimmed(text.substr(0, sign)), comparison = text.substr(sign, after - sign), limit = trimmed(text.substr(after));
+    const size_t dot = name.find('.');
+    const bool compares = comparison == "<=" || comparison == "<" || comparison == ">=" || comparison == ">" || comparison == "==";
+    if (text.size() > kLongestRule || !compares || dot == std::string::npos || limit.empty() || (name + limit).find_first_of(" \t") != std::string::npos)
+        return wrong("no rule; give COLUMN.STATISTIC OPERATOR NUMBER, as in triangles.p99 <= 1.05x");
     Rule rule;
     rule.text = text;
-    const auto metric = metricNamed(part[1], columns);
+    const auto metric = metricNamed(name.substr(0, dot), columns);
     if (!metric) return wrong(metric.error().what);
     rule.metric = metric.value();
-    rule.statistic = part[2];
+    rule.statistic = name.substr(dot + 1);
     const std::vector<std::string> known = statistics();
     if (std::find(known.begin(), known.end(), rule.statistic) == known.end())
         return wrong("there is no statistic " + rule.statistic + "; the nearest is " + nearestWord(rule.statistic, known) +
                      " of sum, mean, min, p50, p95, p99, p99.9, max");
-    rule.comparison = part[3];
-    std::string number = part[4];
+    rule.comparison = comparison;
+    std::string number = limit;
     rule.relative = number.ends_with('x');
     if (rule.relative) number.pop_back();
     const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), rule.limit);
     if (error != std::errc() || end != number.data() + number.size() || !std::isfinite(rule.limit))
-        return wrong(part[4].str() + " is no number; give one, with an x after it for a multiple of the run before");
+        return wrong(limit + " is no number; give one, with an x after it for a multiple of the run before");
     return rule;
 }
 
