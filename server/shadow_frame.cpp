@@ -22,6 +22,9 @@ constexpr double kFitsPerFill = 4;
 /// Weight of the latest frame in the rate by which time is counted in triangles.
 constexpr double kRateGain = 0.25;
 
+/// [m]: beyond it texels could not be counted in 64 bits. Casters end a tenth as far.
+constexpr double kFarthestEye = 1e9;
+
 cache::Cost spentOn(std::span<const cache::CascadeStatistics> statistics) {
     cache::Cost spent;
     for (const cache::CascadeStatistics& s : statistics) spent += s.total;
@@ -58,6 +61,8 @@ Result<world::Done> ShadowSystem::Impl::takeCameras(const FrameInput& input) {
         const std::string name = "camera " + std::to_string(k) + ": ";
         if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z))
             return wrong(name + "its position is not finite; give metres");
+        if (glm::any(glm::greaterThan(glm::abs(p), glm::dvec3(kFarthestEye))))
+            return wrong(name + "its position is farther than 1e9 m from the origin; texels could not be counted there");
         const double turn = glm::length(camera.orientation);
         if (!(turn > 0.99 && turn < 1.01)) return wrong(name + "its orientation is no rotation; give a unit quaternion");
         if (!(camera.verticalFov >= 0 && camera.verticalFov < glm::pi<double>() && camera.aspect > 0 &&

@@ -160,7 +160,7 @@ TEST(Fuzz, RequestsAreAnsweredOrRefusedByName) {
 }
 
 TEST(Fuzz, RecordingsAreReadToWhereTheyAreSound) {
-    const std::string sound = tests::temporary("sound.gnomonrec"), changed = tests::temporary("changed.gnomonrec");
+    const std::string sound = tests::temporary("fuzz-sound.gnomonrec"), changed = tests::temporary("fuzz-changed.gnomonrec");
     {
         auto writer = server::RecordingWriter::create(sound);
         ASSERT_TRUE(writer);

@@ -277,6 +277,7 @@ TEST(ShadowSystem, BadItemsAreReportedAndTheFrameGoesOn) {
     EXPECT_EQ(report.value().errors.size(), 2u);
     EXPECT_EQ(system->verify().value().differing, 0u);
     EXPECT_FALSE(system->advance({0, {glm::dvec3(std::nan(""), 0, 0), {1, 0, 0, 0}}, {}}));
+    EXPECT_FALSE(system->advance({0, {glm::dvec3(0, 0, -1e100), {1, 0, 0, 0}}, {}}));
     ASSERT_TRUE(system->remove(box));
     const auto gone = system->adopt("box (0,0,0) 1");
     ASSERT_FALSE(gone);
