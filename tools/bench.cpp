@@ -15,6 +15,7 @@
 #include "tools/bench_streaming.h"
 #include "tools/options.h"
 #include "tools/summary.h"
+#include "tools/temporary_folder.h"
 #include "tools/yardstick.h"
 #include "world/bake.h"
 #include "world/gltf.h"
@@ -140,26 +141,11 @@ Result<Done> benchService(const BenchOptions& options) {
     return Done{};
 }
 
-/// A folder that goes with the object.
-struct TemporaryFolder {
-    fs::path path;
-    TemporaryFolder() {
-        std::string pattern = (fs::temp_directory_path() / "gnomon-bench-XXXXXX").string();
-        if (::mkdtemp(pattern.data())) path = pattern;
-    }
-    ~TemporaryFolder() {
-        std::error_code ignored;
-        if (!path.empty()) fs::remove_all(path, ignored);
-    }
-    TemporaryFolder(const TemporaryFolder&) = delete;
-    TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-};
-
 Result<Done> benchYardstick(const BenchOptions& options) {
     const TemporaryFolder folder;
-    if (folder.path.empty()) return Error{ErrorCode::kIo, "no temporary folder can be made: check TMPDIR"};
-    const std::string glb = (folder.path / "yardstick.glb").string(),
-                      file = (folder.path / "yardstick.world").string();
+    if (folder.path().empty()) return Error{ErrorCode::kIo, "no temporary folder can be made: check TMPDIR"};
+    const std::string glb = folder.path() + "/yardstick.glb",
+                      file = folder.path() + "/yardstick.world";
     if (const auto done = writeYardstick(glb, kYardstickSeed); !done) return done.error();
     const auto source = world::openGltf(glb, {.chunkSize = 0, .sun = yardstickSun()});
     if (!source) return source.error();

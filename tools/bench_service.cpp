@@ -19,6 +19,7 @@
 #include "server/world_folder.h"
 #include "tools/bench_motion.h"
 #include "tools/summary.h"
+#include "tools/temporary_folder.h"
 
 namespace tools {
 namespace {
@@ -34,27 +35,12 @@ constexpr size_t kStretch = 30;        ///< frames
 constexpr double kReach = 80;          ///< points lie so far from the eye [m]
 constexpr double kOverheadMs = 0.5, kPointsPerSecond = 1e6, kFair = 2, kGrowth = 1.05;
 
-/// A folder for sockets and recordings, gone with the object.
-struct Scratch {
-    std::string path;
-    Scratch() {
-        std::string pattern = (fs::temp_directory_path() / "gnomon-bench-XXXXXX").string();
-        if (::mkdtemp(pattern.data())) path = pattern;
-    }
-    ~Scratch() {
-        std::error_code ignored;
-        if (!path.empty()) fs::remove_all(path, ignored);
-    }
-    Scratch(const Scratch&) = delete;
-    Scratch& operator=(const Scratch&) = delete;
-};
-
 /// A front end of this process with a worker behind it.
 class Supervised {
 public:
     static Result<std::unique_ptr<Supervised>> start(const std::string& worldFolder, size_t sessions) {
         auto made = std::make_unique<Supervised>();
-        if (made->scratch_.path.empty()) return Error{ErrorCode::kIo, "no temporary folder can be made: check TMPDIR"};
+        if (made->scratch_.path().empty()) return Error{ErrorCode::kIo, "no temporary folder can be made: check TMPDIR"};
         std::error_code error;
         const fs::path program = fs::read_symlink("/proc/self/exe", error).parent_path() / "gnomon";
         if (!fs::exists(program, error)) return Error{ErrorCode::kNotFound, program.string() + ": build it; it is the worker"};
@@ -67,8 +53,8 @@ public:
         made->worker_ = std::move(worker.value());
         made->host_ = server::makeWorkerHost(*made->worker_, [](uint64_t, const std::string&) {});
         server::ServiceConfig front;
-        front.listen = "unix:" + made->scratch_.path + "/front";
-        front.record = made->scratch_.path;
+        front.listen = "unix:" + made->scratch_.path() + "/front";
+        front.record = made->scratch_.path();
         front.keepRecordings = false;
         front.sessions = sessions;
         auto service = server::Service::start(*made->host_, front, {});
@@ -80,7 +66,7 @@ public:
     pid_t worker() const { return worker_->pid(); }
 
 private:
-    Scratch scratch_;
+    TemporaryFolder scratch_;  ///< of sockets and recordings
     std::unique_ptr<server::Worker> worker_;
     std::unique_ptr<server::SessionHost> host_;
     std::unique_ptr<server::Service> service_;
@@ -126,11 +112,11 @@ Result<ServiceCost> measureService(const std::string& world, std::span<const wor
     const auto direct = server::Session::open(*device.value(), opened.value()->store, open, limits);
     if (!direct) return direct.error();
 
-    const Scratch scratch;
+    const TemporaryFolder scratch;
     const auto host = server::makeLocalHost(*device.value(), file.parent_path().string(), limits);
     if (!host) return host.error();
     server::ServiceConfig config;
-    config.listen = "unix:" + scratch.path + "/local";
+    config.listen = "unix:" + scratch.path() + "/local";
     const auto service = server::Service::start(*host.value(), config, {});
     if (!service) return service.error();
     auto localClient = server::Client::connect(service.value()->address());

@@ -22,6 +22,7 @@
 #include "server/world_folder.h"
 #include "tools/method_file.h"
 #include "tools/option_file.h"
+#include "tools/temporary_folder.h"
 
 namespace tools {
 namespace {
@@ -61,26 +62,6 @@ void log(const server::ServiceEvent& event) {
 
 uint64_t bytesOf(double mebibytes) { return uint64_t(mebibytes * 1048576); }
 
-/// A folder of this process's own, gone with it.
-class RuntimeFolder {
-public:
-    RuntimeFolder() {
-        const char* at = std::getenv("XDG_RUNTIME_DIR");
-        path_ = (at && *at ? std::string(at) : std::filesystem::temp_directory_path().string()) + "/gnomon-XXXXXX";
-        if (!::mkdtemp(path_.data())) path_.clear();
-    }
-    ~RuntimeFolder() {
-        std::error_code gone;
-        if (!path_.empty()) std::filesystem::remove_all(path_, gone);
-    }
-    RuntimeFolder(const RuntimeFolder&) = delete;
-    RuntimeFolder& operator=(const RuntimeFolder&) = delete;
-    const std::string& path() const { return path_; }  ///< empty: it could not be made
-
-private:
-    std::string path_;
-};
-
 /// As this process was called.
 std::vector<std::string> ownCommandLine() {
     std::ifstream file("/proc/self/cmdline", std::ios::binary);
@@ -98,7 +79,8 @@ std::vector<std::string> ownCommandLine() {
 Result<int> supervise(ServeOptions& options, const sigset_t& ends) {
     const auto folder = server::WorldFolder::create(options.worlds);
     if (!folder) return folder.error();
-    const RuntimeFolder runtime;
+    const char* runtimes = std::getenv("XDG_RUNTIME_DIR");
+    const TemporaryFolder runtime(runtimes && *runtimes ? std::filesystem::path(runtimes) : std::filesystem::temp_directory_path());
     if (runtime.path().empty()) return Error{ErrorCode::kIo, "serve: no temporary folder can be made; set TMPDIR"};
     server::WorkerConfig config;
     std::vector<std::string> words = ownCommandLine();
