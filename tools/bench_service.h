@@ -13,8 +13,14 @@
 
 namespace tools {
 
+/// A session's frames, one by one [ms].
+struct FrameTimes {
+    std::vector<double> all;    ///< as the caller waits for them
+    std::vector<double> drawn;  ///< as their replies say
+};
+
 struct ServiceCost {
-    std::vector<double> direct, local, worker;  ///< frames [ms]: in process, over the wire, and with a worker behind that
+    FrameTimes direct, local, worker;  ///< in process, over the wire, and with a worker behind that
     std::vector<double> directQuery, workerQuery;  ///< questions of `points` points [ms]
     size_t points = 0;
 };
@@ -28,7 +34,7 @@ std::string serviceText(const ServiceCost& cost);
 std::vector<Goal> serviceGoals(const ServiceCost& cost);
 
 struct CrowdConfig {
-    size_t sessions = 16;  ///< each walks the path from a place of its own, as fast as it is answered
+    size_t sessions = 16;  ///< each goes to and fro over a stretch of the path, as fast as it is answered
     size_t idle = 0;       ///< connections beside them that ask nothing
     double seconds = 60;
 };

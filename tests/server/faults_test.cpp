@@ -7,6 +7,7 @@
 
 #include <atomic>
 #include <fstream>
+#include <limits>
 #include <thread>
 
 #include "server/recording.h"
@@ -57,17 +58,32 @@ TEST(Faults, AThousandClientsThatVanishLeaveNothing) {
         for (int k = 0; k < i % 3; ++k) ASSERT_TRUE(session.value()->send(lifeFrame(uint64_t(k))));
         session.value().reset();  // in the middle of a frame, or before one
     };
-    for (int i = 0; i < 200; ++i) vanish(i);
-    ASSERT_TRUE(running.empty());
-    std::this_thread::sleep_for(std::chrono::milliseconds(300));  // gRPC closes sockets a little later
-    const size_t openBefore = descriptors(), bytesBefore = ::mallinfo2().uordblks;
-    for (int i = 0; i < 1000; ++i) vanish(i);
-    EXPECT_TRUE(running.empty());
-    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    // Settled: gRPC closes sockets a little later, and the driver keeps 4.5 MB of a frame that was cut off until the next.
+    const auto bytes = [&] {
+        EXPECT_TRUE(running.empty());
+        expectServed(running);
+        EXPECT_TRUE(running.empty());
+        std::this_thread::sleep_for(std::chrono::milliseconds(300));
+        return double(::mallinfo2().uordblks);
+    };
+    const int batch = 200;
+    const auto vanishAll = [&] {
+        for (int i = 0; i < batch; ++i) vanish(i);
+    };
+    vanishAll();
+    double before = bytes(), least = std::numeric_limits<double>::infinity();
+    const size_t openBefore = descriptors();
+    for (int k = 0; k < 5; ++k) {
+        vanishAll();
+        const double after = bytes();
+        least = std::min(least, after - before);
+        before = after;
+    }
     EXPECT_EQ(running.told("opened"), running.told("ended"));
     EXPECT_LE(descriptors(), openBefore + 2) << "one that is being closed";
-    // The events that the test keeps take some 200 bytes for each life; a leaked session takes more than its maps' 32 KiB.
-    EXPECT_LT(double(::mallinfo2().uordblks) - double(bytesBefore), 1000 * 1024.0);
+    // A leak grows with every batch; a cache grows once. The events that the test keeps take some 200 bytes for each
+    // life; a leaked session takes more than its maps' 32 KiB.
+    EXPECT_LT(least, batch * 1024.0);
 }
 
 /// A file system of one mebibyte, as long as it lives.
