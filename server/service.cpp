@@ -427,6 +427,7 @@ Result<std::unique_ptr<Service>> Service::start(SessionHost& host, const Service
         builder.AddChannelArgument(argument, silent);
     builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
     builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
+    builder.AddChannelArgument(GRPC_ARG_HTTP2_BDP_PROBE, 0);  // a ping for each message, in a frame's way
     builder.RegisterService(impl.get());
     impl->server = builder.BuildAndStart();
     if (!impl->server || (port == 0 && !config.listen.starts_with("unix:")))

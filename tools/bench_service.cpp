@@ -1,21 +1,25 @@
 #include "tools/bench_service.h"
 
+#include <fcntl.h>
+#include <signal.h>
+#include <spawn.h>
 #include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <filesystem>
+#include <fstream>
 #include <memory>
 #include <mutex>
 #include <random>
 #include <thread>
 
 #include "server/client.h"
-#include "server/local_host.h"
-#include "server/service.h"
+#include "server/session.h"
 #include "server/stopwatch.h"
-#include "server/worker_host.h"
 #include "server/world_folder.h"
 #include "tools/bench_motion.h"
 #include "tools/summary.h"
@@ -33,44 +37,47 @@ using world::Result;
 constexpr size_t kPoints = 1'000'000;  ///< of a question
 constexpr size_t kStretch = 30;        ///< frames
 constexpr size_t kPace = 60;               ///< poses of one session's stretch
+constexpr double kStartSeconds = 30;
 constexpr double kReach = 80;          ///< points lie so far from the eye [m]
 constexpr double kOverheadMs = 0.5, kPointsPerSecond = 1e6, kFair = 2, kGrowth = 1.05;
 
-/// A front end of this process with a worker behind it.
-class Supervised {
+/// `gnomon serve`, the program beside this one, as long as it lives.
+class Served {
 public:
-    static Result<std::unique_ptr<Supervised>> start(const std::string& worldFolder, size_t sessions) {
-        auto made = std::make_unique<Supervised>();
+    static Result<std::unique_ptr<Served>> start(const std::string& worldFolder, size_t sessions) {
+        auto made = std::make_unique<Served>();
         if (made->scratch_.path().empty()) return Error{ErrorCode::kIo, "no temporary folder can be made: check TMPDIR"};
         std::error_code error;
-        const fs::path program = fs::read_symlink("/proc/self/exe", error).parent_path() / "gnomon";
-        if (!fs::exists(program, error)) return Error{ErrorCode::kNotFound, program.string() + ": build it; it is the worker"};
-        server::WorkerConfig config;
-        config.command = [=](uint64_t) {
-            return std::vector<std::string>{program.string(), "serve", "--worlds", worldFolder, "--worker"};
-        };
-        auto worker = server::Worker::start(config, [](const std::string&) {});
-        if (!worker) return worker.error();
-        made->worker_ = std::move(worker.value());
-        made->host_ = server::makeWorkerHost(*made->worker_, [](uint64_t, const std::string&) {});
-        server::ServiceConfig front;
-        front.listen = "unix:" + made->scratch_.path() + "/front";
-        front.record = made->scratch_.path();
-        front.keepRecordings = false;
-        front.sessions = sessions;
-        auto service = server::Service::start(*made->host_, front, {});
-        if (!service) return service.error();
-        made->service_ = std::move(service.value());
+        const std::string program = fs::read_symlink("/proc/self/exe", error).parent_path() / "gnomon";
+        std::vector<std::string> words{program,   "serve",        "--worlds",   worldFolder,
+                                       "--listen", made->address(), "--sessions", std::to_string(sessions)};
+        std::vector<char*> arguments;
+        for (std::string& word : words) arguments.push_back(word.data());
+        arguments.push_back(nullptr);
+        posix_spawn_file_actions_t actions;
+        posix_spawn_file_actions_init(&actions);
+        posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
+        const int failed = ::posix_spawn(&made->pid_, program.c_str(), &actions, nullptr, arguments.data(), environ);
+        posix_spawn_file_actions_destroy(&actions);
+        if (failed != 0) return Error{ErrorCode::kNotFound, program + ": build it; it is what is measured"};
+        auto client = server::Client::connect(made->address());
+        if (!client) return client.error();
+        if (const auto up = client.value().healthy(kStartSeconds); !up) return up.error();
+        std::ifstream(format("/proc/%d/task/%d/children", made->pid_, made->pid_)) >> made->worker_;
         return made;
     }
-    const std::string& address() const { return service_->address(); }
-    pid_t worker() const { return worker_->pid(); }
+    ~Served() {
+        if (pid_ <= 0) return;
+        ::kill(pid_, SIGTERM);
+        ::waitpid(pid_, nullptr, 0);
+    }
+    std::string address() const { return "unix:" + scratch_.path() + "/socket"; }
+    pid_t front() const { return pid_; }
+    pid_t worker() const { return worker_; }  ///< of the front end, what draws
 
 private:
-    TemporaryFolder scratch_;  ///< of sockets and recordings
-    std::unique_ptr<server::Worker> worker_;
-    std::unique_ptr<server::SessionHost> host_;
-    std::unique_ptr<server::Service> service_;
+    TemporaryFolder scratch_;
+    pid_t pid_ = 0, worker_ = 0;
 };
 
 v1::Frame frameOf(const world::Pose& pose, double time) {
@@ -113,21 +120,12 @@ Result<ServiceCost> measureService(const std::string& world, std::span<const wor
     const auto direct = server::Session::open(*device.value(), opened.value()->store, open, limits);
     if (!direct) return direct.error();
 
-    const TemporaryFolder scratch;
-    const auto host = server::makeLocalHost(*device.value(), file.parent_path().string(), limits);
-    if (!host) return host.error();
-    server::ServiceConfig config;
-    config.listen = "unix:" + scratch.path() + "/local";
-    const auto service = server::Service::start(*host.value(), config, {});
-    if (!service) return service.error();
-    auto localClient = server::Client::connect(service.value()->address());
-    const auto supervised = Supervised::start(file.parent_path().string(), 4);
-    if (!supervised) return supervised.error();
-    auto workerClient = server::Client::connect(supervised.value()->address());
-    if (!localClient || !workerClient) return Error{ErrorCode::kIo, "no client"};
-    const auto local = localClient.value().session(open), worker = workerClient.value().session(open);
-    if (!local) return local.error();
-    if (!worker) return worker.error();
+    const auto served = Served::start(file.parent_path().string(), 4);
+    if (!served) return served.error();
+    auto client = server::Client::connect(served.value()->address());
+    if (!client) return client.error();
+    const auto wired = client.value().session(open);
+    if (!wired) return wired.error();
 
     ServiceCost cost;
     const auto timed = [](std::vector<double>& times, const auto& call) {
@@ -140,28 +138,26 @@ Result<ServiceCost> measureService(const std::string& world, std::span<const wor
         const auto reply = timed(times.all, [&] { return session.frame(frame); });
         if (!reply) return reply.error();
         times.drawn.push_back(reply.value().times().advance());
+        times.rest.push_back(times.all.back() - times.drawn.back());
         return world::Done{};
     };
     // In stretches: a frame follows others of its own kind, as it does in use, and what the machine does meanwhile befalls all.
     for (size_t first = 0; first < poses.size(); first += kStretch)
-        for (size_t turn = 0; turn < 3; ++turn) {
-            const size_t lane = (turn + first / kStretch) % 3;
+        for (size_t turn = 0; turn < 2; ++turn)
             for (size_t k = first; k < std::min(first + kStretch, poses.size()); ++k) {
                 const v1::Frame frame = frameOf(poses[k], double(k) / kBenchFps);
-                const auto done = lane == 0   ? timedFrame(cost.direct, *direct.value(), frame)
-                                  : lane == 1 ? timedFrame(cost.local, *local.value(), frame)
-                                              : timedFrame(cost.worker, *worker.value(), frame);
+                const auto done = (turn + first / kStretch) % 2 == 0 ? timedFrame(cost.direct, *direct.value(), frame)
+                                                                     : timedFrame(cost.served, *wired.value(), frame);
                 if (!done) return done.error();
             }
-        }
     v1::QueryShadowRequest query;
     query.set_points(pointsAround(poses.back().position));
     cost.points = kPoints;
     for (int round = 0; round < questions; ++round) {
         if (const auto done = timed(cost.directQuery, [&] { return direct.value()->query(query); }); !done) return done.error();
         v1::QueryShadowRequest asked = query;
-        asked.set_session(worker.value()->opened().session());
-        if (const auto done = timed(cost.workerQuery, [&] { return workerClient.value().query(asked); }); !done) return done.error();
+        asked.set_session(wired.value()->opened().session());
+        if (const auto done = timed(cost.servedQuery, [&] { return client.value().query(asked); }); !done) return done.error();
     }
     return cost;
 }
@@ -169,17 +165,16 @@ Result<ServiceCost> measureService(const std::string& world, std::span<const wor
 std::string serviceText(const ServiceCost& cost) {
     const double direct = median(cost.direct.all);
     const auto row = [&](const char* name, const FrameTimes& ms) {
-        return format("%-34s %8.3f ms  %+8.3f ms  drawing %8.3f ms\n", name, median(ms.all), median(ms.all) - direct, median(ms.drawn));
+        return format("%-34s %8.3f ms  %+8.3f ms  drawing %8.3f ms, the rest %8.3f ms\n", name, median(ms.all), median(ms.all) - direct, median(ms.drawn), median(ms.rest));
     };
     const auto rate = [&](const std::vector<double>& ms) { return double(cost.points) / median(ms) / 1e3; };
-    return format("median of %zu frames\n", cost.direct.all.size()) + row("in process", cost.direct) + row("over the wire", cost.local) +
-           row("over the wire, with a worker", cost.worker) + format("median of %zu questions of %zu points\n", cost.directQuery.size(), cost.points) +
+    return format("median of %zu frames\n", cost.direct.all.size()) + row("in process", cost.direct) + row("served", cost.served) + format("median of %zu questions of %zu points\n", cost.directQuery.size(), cost.points) +
            format("in process                         %8.2f million points a second\n", rate(cost.directQuery)) +
-           format("over the wire, with a worker       %8.2f million points a second\n", rate(cost.workerQuery));
+           format("served                             %8.2f million points a second\n", rate(cost.servedQuery));
 }
 
 std::vector<Goal> serviceGoals(const ServiceCost& cost) {
-    const double more = median(cost.worker.all) - median(cost.direct.all), rate = double(cost.points) / median(cost.workerQuery) * 1e3;
+    const double more = median(cost.served.all) - median(cost.direct.all), rate = double(cost.points) / median(cost.servedQuery) * 1e3;
     return {{"service: a frame at most 0.5 ms above one in process", format("%.3f ms", more), more <= kOverheadMs},
             {"service: at least 1 million points a second", format("%.2f million", rate / 1e6), rate >= kPointsPerSecond}};
 }
@@ -191,11 +186,11 @@ Result<CrowdCost> measureCrowd(const std::string& world, std::span<const world::
         ::setrlimit(RLIMIT_NOFILE, &files);
     }
     const fs::path file = fs::absolute(world);
-    const auto supervised = Supervised::start(file.parent_path().string(), config.sessions);
-    if (!supervised) return supervised.error();
+    const auto served = Served::start(file.parent_path().string(), config.sessions);
+    if (!served) return served.error();
     std::vector<server::Client> idle;
     for (size_t i = 0; i < config.idle; ++i) {
-        auto client = server::Client::connect(supervised.value()->address());
+        auto client = server::Client::connect(served.value()->address());
         if (!client) return client.error();
         if (const auto there = client.value().healthy(); !there) return Error{ErrorCode::kIo, "idle connection " + std::to_string(i) + ": " + there.error().what};
         idle.push_back(std::move(client.value()));
@@ -209,7 +204,7 @@ Result<CrowdCost> measureCrowd(const std::string& world, std::span<const world::
         if (cost.errors++ == 0) cost.firstError = error.what;
     };
     const auto live = [&](size_t number) {
-        auto client = server::Client::connect(supervised.value()->address());
+        auto client = server::Client::connect(served.value()->address());
         if (!client) return fail(client.error());
         v1::OpenSession open;
         open.set_world(file.stem().string());
@@ -233,11 +228,11 @@ Result<CrowdCost> measureCrowd(const std::string& world, std::span<const world::
     std::vector<std::thread> threads;
     for (size_t n = 0; n < config.sessions; ++n) threads.emplace_back(live, n);
     std::this_thread::sleep_for(std::chrono::duration<double>(config.seconds / 4));
-    cost.frontThen = memory().nowMiB;
-    cost.workerThen = memory(supervised.value()->worker()).nowMiB;
+    cost.frontThen = memory(served.value()->front()).nowMiB;
+    cost.workerThen = memory(served.value()->worker()).nowMiB;
     std::this_thread::sleep_for(std::chrono::duration<double>(config.seconds * 3 / 4));
-    cost.frontNow = memory().nowMiB;
-    cost.workerNow = memory(supervised.value()->worker()).nowMiB;
+    cost.frontNow = memory(served.value()->front()).nowMiB;
+    cost.workerNow = memory(served.value()->worker()).nowMiB;
     cost.seconds = watch.ms() / 1e3;
     over = true;
     for (std::thread& thread : threads) thread.join();

@@ -17,16 +17,17 @@ namespace tools {
 struct FrameTimes {
     std::vector<double> all;    ///< as the caller waits for them
     std::vector<double> drawn;  ///< as their replies say
+    std::vector<double> rest;   ///< all but that
 };
 
 struct ServiceCost {
-    FrameTimes direct, local, worker;  ///< in process, over the wire, and with a worker behind that
-    std::vector<double> directQuery, workerQuery;  ///< questions of `points` points [ms]
+    FrameTimes direct, served;  ///< in process, and by `gnomon serve`
+    std::vector<double> directQuery, servedQuery;  ///< questions of `points` points [ms]
     size_t points = 0;
 };
 
-/// Plays the poses, a second each in turns, in process and over the wire, and then asks. The worker is the program `gnomon` beside
-/// this one. kNotFound where it is not there; errors of world, device and service.
+/// Plays the poses, a second each in turns, in process and over the wire, and then asks. The program `gnomon` beside this one
+/// serves. kNotFound where it is not there; errors of world, device and service.
 ///   world  file; its folder is served
 world::Result<ServiceCost> measureService(const std::string& world, std::span<const world::Pose> poses, int questions);
 std::string serviceText(const ServiceCost& cost);

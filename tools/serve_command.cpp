@@ -1,6 +1,7 @@
 #include "tools/serve_command.h"
 
 #include <CLI/CLI.hpp>
+#include <absl/synchronization/mutex.h>
 
 #include <csignal>
 #include <cstdio>
@@ -155,6 +156,7 @@ Result<int> runServe(ServeOptions& options, CLI::App& parser) {
     for (const int signal : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&ends, signal);
     pthread_sigmask(SIG_BLOCK, &ends, nullptr);
     std::signal(SIGPIPE, SIG_IGN);
+    absl::SetMutexDeadlockDetectionMode(absl::OnDeadlockCycle::kIgnore);  // gRPC's locks; Debian's build watches their order
     server::listenToLibraries([](const std::string& line) { log({"grpc", 0, line, 0}); });
     return options.worker ? work(options) : supervise(options, ends);
 }
