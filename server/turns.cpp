@@ -1,17 +1,27 @@
 #include "server/turns.h"
 
+#include <utility>
+
 namespace server {
 
 void Turns::take() {
     std::unique_lock lock(mutex_);
-    const uint64_t mine = tickets_++;
-    next_.wait(lock, [&] { return served_ == mine; });
+    if (!std::exchange(taken_, true)) return;
+    Waiter mine;
+    waiting_.push_back(&mine);
+    mine.changed.wait(lock, [&] { return mine.called; });
 }
 
 void Turns::give() {
     const std::lock_guard lock(mutex_);
-    ++served_;
-    next_.notify_all();
+    if (waiting_.empty()) {
+        taken_ = false;
+        return;
+    }
+    Waiter& next = *waiting_.front();
+    waiting_.pop_front();
+    next.called = true;
+    next.changed.notify_one();  // under the lock: the waiter is there until it has it
 }
 
 }  // namespace server

@@ -1,9 +1,8 @@
 // server/turns.h — one at a time, in the order in which they came: how sessions share a device.
-// Source: Reed & Kanodia, "Synchronization with Eventcounts and Sequencers", 1979 (tickets).
 #pragma once
 
 #include <condition_variable>
-#include <cstdint>
+#include <deque>
 #include <mutex>
 
 namespace server {
@@ -27,9 +26,13 @@ private:
     void take();
     void give();
 
+    struct Waiter {
+        std::condition_variable changed;
+        bool called = false;
+    };
     std::mutex mutex_;
-    std::condition_variable next_;
-    uint64_t tickets_ = 0, served_ = 0;
+    std::deque<Waiter*> waiting_;  ///< each sleeps by itself: the end of a turn wakes nobody but the next
+    bool taken_ = false;
 };
 
 }  // namespace server
