@@ -36,14 +36,14 @@ Progress::Progress(std::string label, std::ostream& out, bool terminal, Seconds 
 Progress::~Progress() { clear(); }
 
 void Progress::at(size_t done, size_t total) {
+    if (!terminal_) return;
     const double now = clock_();
     if (!first_) first_ = Mark{now, done};
     const int percent = total == 0 ? 100 : static_cast<int>(done * 100 / total);
-    const int step = terminal_ ? percent : percent / 10 * 10;
-    if (step == shown_ && !(terminal_ && now >= shownAt_ + 1)) return;
-    shown_ = step;
+    if (percent == shown_ && now < shownAt_ + 1) return;
+    shown_ = percent;
     shownAt_ = now;
-    std::string text = std::to_string(step) + " %, " + std::to_string(done) + " of " + std::to_string(total);
+    std::string text = std::to_string(percent) + " %, " + std::to_string(done) + " of " + std::to_string(total);
     if (done > first_->done && now > first_->seconds) {
         const double rate = double(done - first_->done) / (now - first_->seconds);
         char each[32];
@@ -51,14 +51,10 @@ void Progress::at(size_t done, size_t total) {
         text += each;
         if (done < total) text += ", " + duration(double(total - done) / rate) + " left";
     }
-    if (terminal_) {
-        clear();
-        const size_t filled = static_cast<size_t>(kBarWidth * percent / 100);
-        bar_ = label_ + " [" + std::string(filled, '#') + std::string(kBarWidth - filled, '.') + "] " + text;
-        out_ << bar_ << std::flush;
-    } else if (step > 0) {
-        out_ << label_ << ": " << text << '\n' << std::flush;
-    }
+    clear();
+    const size_t filled = static_cast<size_t>(kBarWidth * percent / 100);
+    bar_ = label_ + " [" + std::string(filled, '#') + std::string(kBarWidth - filled, '.') + "] " + text;
+    out_ << bar_ << std::flush;
 }
 
 void Progress::say(const std::string& line) {

@@ -1,4 +1,4 @@
-// tools/progress.h — how far a long command has come: a bar on a terminal, else a line every tenth.
+// tools/progress.h — how far a long command has come: a bar on a terminal, else nothing.
 #pragma once
 
 #include <cstddef>
@@ -13,11 +13,11 @@ namespace tools {
 using Seconds = std::function<double()>;
 double steadySeconds();
 
-/// One thread at a time. Writes little: the bar changes with each percent, and each second if more is done;
-/// lines come at 10 %, 20 % ...
+/// One thread at a time. Writes little: the bar changes with each percent, and each second if more is done.
 class Progress {
 public:
-    /// `label` names the work; `out` must outlive the object; `terminal`: `out` can move its cursor.
+    /// `label` names the work; `out` must outlive the object; `terminal`: `out` can move its cursor, else
+    /// it gets no bar.
     Progress(std::string label, std::ostream& out, bool terminal, Seconds clock = steadySeconds);
     Progress(const Progress&) = delete;
     Progress& operator=(const Progress&) = delete;
