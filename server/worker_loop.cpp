@@ -142,14 +142,14 @@ Result<Done> receiveMessage(int socket, google::protobuf::MessageLite& message) 
     return Done{};
 }
 
-Result<Done> runWorker(SessionHost& host) {
+Result<Done> runWorker(SessionHost& host, int socket) {
     Loop loop(host);
     for (wire::Reply reply;;) {  // the first says that it serves
-        if (!sendMessage(kWorkerLine, reply)) return Done{};
-        if (reply.shares() && !sendDescriptor(kWorkerLine, loop.shared->descriptor())) return Done{};
+        if (!sendMessage(socket, reply)) return Done{};
+        if (reply.shares() && !sendDescriptor(socket, loop.shared->descriptor())) return Done{};
         loop.shared.reset();
         wire::Request request;
-        const auto received = receiveMessage(kWorkerLine, request);
+        const auto received = receiveMessage(socket, request);
         if (!received && received.error().code == ErrorCode::kIo) return Done{};
         if (!received) return received.error();
         reply = loop.answer(request);

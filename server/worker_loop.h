@@ -12,7 +12,7 @@ namespace server {
 world::Result<world::Done> sendMessage(int socket, const google::protobuf::MessageLite& message);
 world::Result<world::Done> receiveMessage(int socket, google::protobuf::MessageLite& message);
 
-/// Draws for whoever started this process, until that ends. kBadData where it is no front end of this build.
-world::Result<world::Done> runWorker(SessionHost& host);
+/// Draws for whoever is at the socket's other end, until that ends. kBadData where it is no front end of this build.
+world::Result<world::Done> runWorker(SessionHost& host, int socket);
 
 }  // namespace server

@@ -127,7 +127,7 @@ Result<int> work(ServeOptions& options) {
         http = std::move(started.value());
     }
     board.setReady(true);
-    const auto done = server::runWorker(*host.value());
+    const auto done = server::runWorker(*host.value(), server::kWorkerLine);
     if (!done) return done.error();
     return 0;
 }

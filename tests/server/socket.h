@@ -29,6 +29,8 @@ public:
     ~Socket() { close(fd_); }
 
     bool connected() const { return connected_; }
+    /// Says nothing more.
+    void end() { ::shutdown(fd_, SHUT_WR); }
     bool say(std::string_view bytes) {
         while (!bytes.empty()) {
             const ssize_t sent = send(fd_, bytes.data(), bytes.size(), MSG_NOSIGNAL);
