@@ -65,6 +65,9 @@ ShadowConfig driving() {
     config.side = 256;
     config.farDistance = 70;
     config.geometryBytes = 16 << 20;
+    // The chunks of the small world come for a minute, and some never.
+    config.streaming.clock = world::Clock::kVirtual;
+    config.streaming.disk = {.latency = 0.4, .channels = 1, .corruptShare = 0.1};
     return config;
 }
 
@@ -80,6 +83,7 @@ TEST(LivePage, ShowsWhatHappens) {
         config.side = 1024;
         config.farDistance = 300;
         config.geometryBytes = 512u << 20;
+        config.streaming = {};
     }
     Drive drive(board, opened.value(), config, {0, other ? 40 : 2, 0}, other ? 90 : 25);
     auto server = HttpServer::start(board, {});

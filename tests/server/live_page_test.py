@@ -123,7 +123,9 @@ def look(browser, url, folder):
     first = number(browser)
     browser.wait("frames go on", f"parseInt(document.querySelector('#facts dd').firstChild.data.replace(/,/g, '')) > {first} + 5")
     browser.wait("scrolls are marked", "!!document.querySelector('#causes [data-cause=scroll]')")
-    browser.wait("chunks are there", "parseInt(document.querySelector('#phases [data-phase=resident]').innerText.split(' ')[1]) > 0")
+    phase = "parseInt(document.querySelector('#phases [data-phase={}]').innerText.split(' ')[1]) > 0"
+    for name in ("resident", "loading", "wanted", "failed"):
+        browser.wait(f"a chunk is {name}", phase.format(name))
     browser.wait("the configuration is there", "document.querySelectorAll('#settings dt').length > 10")
     inked = """(id) => { const c = document.getElementById(id), d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
                          let n = 0; for (let k = 3; k < d.length; k += 4) n += d[k] > 0; return n / (d.length / 4); }"""
