@@ -8,6 +8,7 @@
 #include <set>
 #include <thread>
 
+#include "tests/server/worlds.h"
 #include "tests/tools/sweep_inputs.h"
 #include "tools/database_row.h"
 #include "tools/results_store.h"
@@ -93,6 +94,21 @@ TEST_F(SweepRun, RunsAndMergesOnceWhatAReplayWouldHaveGiven) {
     EXPECT_EQ(tools::numberFrom(merged.value(), "SELECT count(*) FROM frame").value(), 12);
     // Into a file that has runs of others.
     expect("$gnomon sweep merge s -o one.sqlite", 0, "4 of 4 shards, 4 of them new");
+}
+
+TEST_F(SweepRun, MoversArePlayedAndMustBeThoseOfThePlan) {
+    ASSERT_TRUE(world::bake(tests::streets({0, 0, 0}), at("streets.world"), {}));
+    put("movers.csv", "time,id,node_or_mesh,x,y,z,qx,qy,qz,qw,scale\n0,0,\"box (0,0,0) 0\",2,3,3,0,0,0,1,1\n1,0,\"box (0,0,0) 0\",9,3,3,0,0,0,1,1\n");
+    put("drive.tum", "0 0 2 0 0 0 0 1\n1 5 2 0 0 0 0 1\n2 9 2 0 0 0 0 1\n");
+    put("plan.toml", "worlds = ['streets.world']\n[[path]]\nfile = 'drive.tum'\nmovers = 'movers.csv'\n[[settings]]\nresolution = [64, 128]\n");
+    expect("$gnomon sweep plan.toml -o s && $gnomon sweep merge s -o r.sqlite", 0, "2 of 2 shards, 2 of them new");
+    expect("$gnomon replay streets.world --path drive.tum --movers movers.csv --resolution 64 --results one.sqlite --out one >log && "
+           "$gnomon report --diff one.sqlite r.sqlite#1",
+           0, "Nothing differs");
+    auto merged = tools::openResults(at("r.sqlite"));
+    ASSERT_TRUE(merged);
+    EXPECT_GT(tools::numberFrom(merged.value(), "SELECT sum(active_triangles) FROM cascade").value(), 0);
+    expect("rm s/shards/* && sed -i 's/,9,3,3,/,8,3,3,/' movers.csv && $gnomon sweep resume s", 1, "movers.csv: has changed");
 }
 
 TEST_F(SweepRun, AFolderIsOfOneSweep) {
