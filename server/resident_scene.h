@@ -60,6 +60,7 @@ struct SceneChanges {
     uint64_t revocations = 0;  ///< certificates that fell
     uint32_t chunkArrivals = 0, chunkDepartures = 0;
     uint32_t refinements = 0;  ///< chunks that were there and came in other levels of detail
+    std::vector<world::ReadSpan> reads;
     uint64_t bytesRead = 0, bytesAgain = 0;
     culling::CertifyCosts certify;
     double streamMs = 0, setsMs = 0, occlusionMs = 0;

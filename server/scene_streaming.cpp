@@ -129,6 +129,7 @@ world::Result<world::Done> ResidentScene::stream(double time, std::span<const Ey
         streamer_.want(outlook_.wants(suns, maps, config_.farDistance, eyes), time);
     }
     world::StreamEvents e = streamer_.advance(time);
+    changes.reads = std::move(e.reads);
     changes.bytesRead += e.bytesRead;
     changes.bytesAgain += e.bytesAgain;
     changes.errors.insert(changes.errors.end(), e.errors.begin(), e.errors.end());

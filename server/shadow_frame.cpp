@@ -77,6 +77,7 @@ Result<FrameReport> ShadowSystem::advance(const FrameInput& input) {
     Impl& s = *impl_;
     if (const auto taken = s.takeCameras(input); !taken) return taken.error();
     FrameReport report;
+    report.begin = std::chrono::steady_clock::now();
     report.frame = s.frame++;
     report.time = input.time;
     SunMotion::Decision decision;
@@ -91,6 +92,7 @@ Result<FrameReport> ShadowSystem::advance(const FrameInput& input) {
     report.chunkArrivals = changes.chunkArrivals;
     report.chunkDepartures = changes.chunkDepartures;
     report.refinements = changes.refinements;
+    report.reads = std::move(changes.reads);
     report.bytesRead = changes.bytesRead;
     report.bytesAgain = changes.bytesAgain;
     report.residentBytes = s.scene.streamer().residentBytes();

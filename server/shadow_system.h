@@ -1,9 +1,11 @@
 // server/shadow_system.h — the service without a socket: one call advances world, cache and GPU.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <glm/gtc/quaternion.hpp>
+#include <limits>
 #include <memory>
 #include <span>
 #include <string>
@@ -109,6 +111,7 @@ struct StageTimes {
 struct FrameReport {
     uint64_t frame = 0;
     double time = 0;
+    std::chrono::steady_clock::time_point begin;  ///< of `advance`; measured
     std::vector<cache::CascadeStatistics> cascades;  ///< by number
     std::vector<SpotReport> spots;  ///< by id
     uint32_t chunkArrivals = 0, chunkDepartures = 0;
@@ -117,6 +120,7 @@ struct FrameReport {
     uint32_t coarseChunks = 0;   ///< that are there, more coarsely than a map needs now
     double longestLack = 0;      ///< of all these, how long the first has been needed [s]
     uint64_t edits = 0;          ///< of the terrain, taken up in this frame
+    std::vector<world::ReadSpan> reads;  ///< of chunks and meshes, that ended since the last frame
     uint64_t bytesRead = 0;      ///< decoded
     uint64_t bytesAgain = 0;     ///< of these, had been read before
     uint64_t residentBytes = 0;  ///< decoded chunks and meshes, with what is being read and what was edited
@@ -257,7 +261,7 @@ public:
     const cache::FramePlan& plan() const;
     /// The static casters that cost the last frame the most triangles, dearest first, at most `most`; until the next
     /// `advance`.
-    std::vector<CasterCost> dearestCasters(size_t most) const;
+    std::vector<CasterCost> dearestCasters(size_t most = std::numeric_limits<size_t>::max()) const;
     /// What that plan's items draw.
     const world::MeshLevel& geometry(cache::GeometryId id) const;
     /// Regions of the last frame's plan that were cleared (redrawn from nothing), stored order.

@@ -12,12 +12,14 @@
 #include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <random>
 #include <thread>
 
 #include "server/client.h"
+#include "server/live_board.h"
 #include "server/session.h"
 #include "server/stopwatch.h"
 #include "server/world_folder.h"
@@ -63,7 +65,9 @@ public:
         auto client = server::Client::connect(made->address());
         if (!client) return client.error();
         if (const auto up = client.value().healthy(kStartSeconds); !up) return up.error();
-        std::ifstream(format("/proc/%d/task/%d/children", made->pid_, made->pid_)) >> made->worker_;
+        for (const auto& thread : fs::directory_iterator(format("/proc/%d/task", made->pid_)))
+            if (pid_t child = 0; std::ifstream(thread.path() / "children") >> child) made->worker_ = child;
+        if (made->worker_ == 0) return Error{ErrorCode::kNotFound, "the service has no worker"};
         return made;
     }
     ~Served() {
@@ -120,6 +124,15 @@ Result<ServiceCost> measureService(const std::string& world, std::span<const wor
     const auto direct = server::Session::open(*device.value(), opened.value()->store, open, limits);
     if (!direct) return direct.error();
 
+    server::LiveBoard board;
+    const auto shown = server::Session::open(*device.value(), opened.value()->store, open, limits);
+    const auto watched = server::Session::open(*device.value(), opened.value()->store, open, limits);
+    if (!shown) return shown.error();
+    if (!watched) return watched.error();
+    shown.value()->show(board.open("shown", open.world()));
+    server::LiveSession live = board.open("watched", open.world());
+    const server::LiveId watchedId = live.id();
+    watched.value()->show(std::move(live));
     const auto served = Served::start(file.parent_path().string(), 4);
     if (!served) return served.error();
     auto client = server::Client::connect(served.value()->address());
@@ -134,22 +147,28 @@ Result<ServiceCost> measureService(const std::string& world, std::span<const wor
         times.push_back(watch.ms());
         return reply;
     };
-    const auto timedFrame = [&](FrameTimes& times, auto& session, const v1::Frame& frame) -> Result<world::Done> {
-        const auto reply = timed(times.all, [&] { return session.frame(frame); });
-        if (!reply) return reply.error();
-        times.drawn.push_back(reply.value().times().advance());
-        times.rest.push_back(times.all.back() - times.drawn.back());
-        return world::Done{};
+    uint64_t seen = 0;
+    struct Lane {
+        FrameTimes& times;
+        std::function<Result<v1::FrameReply>(const v1::Frame&)> frame;
     };
+    const std::vector<Lane> lanes{{cost.direct, [&](const v1::Frame& f) { return direct.value()->frame(f); }},
+                                  {cost.shown, [&](const v1::Frame& f) { return shown.value()->frame(f); }},
+                                  {cost.watched, [&](const v1::Frame& f) { return watched.value()->frame(f); }},
+                                  {cost.served, [&](const v1::Frame& f) { return wired.value()->frame(f); }}};
     // In stretches: a frame follows others of its own kind, as it does in use, and what the machine does meanwhile befalls all.
     for (size_t first = 0; first < poses.size(); first += kStretch)
-        for (size_t turn = 0; turn < 2; ++turn)
+        for (size_t turn = 0; turn < lanes.size(); ++turn) {
+            const Lane& lane = lanes[(turn + first / kStretch) % lanes.size()];
             for (size_t k = first; k < std::min(first + kStretch, poses.size()); ++k) {
                 const v1::Frame frame = frameOf(poses[k], double(k) / kBenchFps);
-                const auto done = (turn + first / kStretch) % 2 == 0 ? timedFrame(cost.direct, *direct.value(), frame)
-                                                                     : timedFrame(cost.served, *wired.value(), frame);
-                if (!done) return done.error();
+                const auto reply = timed(lane.times.all, [&] { return lane.frame(frame); });
+                if (!reply) return reply.error();
+                lane.times.drawn.push_back(reply.value().times().advance());
+                lane.times.rest.push_back(lane.times.all.back() - lane.times.drawn.back());
+                if (&lane.times == &cost.watched) seen = board.news(watchedId, seen)->frames.back().number;
             }
+        }
     v1::QueryShadowRequest query;
     query.set_points(pointsAround(poses.back().position));
     cost.points = kPoints;
@@ -168,7 +187,8 @@ std::string serviceText(const ServiceCost& cost) {
         return format("%-34s %8.3f ms  %+8.3f ms  drawing %8.3f ms, the rest %8.3f ms\n", name, median(ms.all), median(ms.all) - direct, median(ms.drawn), median(ms.rest));
     };
     const auto rate = [&](const std::vector<double>& ms) { return double(cost.points) / median(ms) / 1e3; };
-    return format("median of %zu frames\n", cost.direct.all.size()) + row("in process", cost.direct) + row("served", cost.served) + format("median of %zu questions of %zu points\n", cost.directQuery.size(), cost.points) +
+    return format("median of %zu frames\n", cost.direct.all.size()) + row("in process", cost.direct) + row("on the live board", cost.shown) +
+           row("watched there", cost.watched) + row("served", cost.served) + format("median of %zu questions of %zu points\n", cost.directQuery.size(), cost.points) +
            format("in process                         %8.2f million points a second\n", rate(cost.directQuery)) +
            format("served                             %8.2f million points a second\n", rate(cost.servedQuery));
 }

@@ -21,7 +21,7 @@ struct FrameTimes {
 };
 
 struct ServiceCost {
-    FrameTimes direct, served;  ///< in process, and by `gnomon serve`
+    FrameTimes direct, shown, watched, served;  ///< in process, on a live board, watched there, and by `gnomon serve`
     std::vector<double> directQuery, servedQuery;  ///< questions of `points` points [ms]
     size_t points = 0;
 };

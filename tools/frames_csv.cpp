@@ -46,6 +46,14 @@ struct Columns {
                             append(out, get(f.report.cascades[c]));
                         }});
     }
+    /// What all spot lights' cache maps took.
+    void spots(const std::string& name, uint64_t Cost::*part) {
+        frame(name, [part](const ReplayFrame& f) {
+            uint64_t sum = 0;
+            for (const server::SpotReport& spot : f.report.spots) sum += spot.cost.statics.*part;
+            return sum;
+        });
+    }
     /// Four columns; `get` returns a Cost of a frame and cascade.
     void cost(const std::string& prefix, auto get) {
         const std::pair<const char*, uint64_t Cost::*> parts[] = {{"_texels", &Cost::texels},
@@ -126,6 +134,15 @@ void addFrame(Columns& columns) {
     columns.frame("frame_rays", [](const ReplayFrame& f) { return f.report.rays; });
     columns.frame("frame_certificates", [](const ReplayFrame& f) { return f.report.certificates; });
     columns.frame("frame_revocations", [](const ReplayFrame& f) { return f.report.revocations; });
+    columns.spots("frame_spot_texels", &Cost::texels);
+    columns.spots("frame_spot_casters", &Cost::casters);
+    columns.spots("frame_spot_triangles", &Cost::triangles);
+    columns.spots("frame_spot_draws", &Cost::draws);
+    columns.frame("frame_spot_active_triangles", [](const ReplayFrame& f) {
+        uint64_t sum = 0;
+        for (const server::SpotReport& spot : f.report.spots) sum += spot.cost.active.triangles;
+        return sum;
+    });
     columns.frame("frame_edits", [](const ReplayFrame& f) { return f.report.edits; });
     columns.frame("frame_errors", [](const ReplayFrame& f) { return f.report.errors.size(); });
     columns.list.push_back({"plan_hash", [](const ReplayFrame& f, size_t, std::string& out) {
@@ -152,6 +169,7 @@ void addVerification(Columns& columns) {
 }
 
 void addTimes(Columns& columns) {
+    columns.frameMs("t_frame_begin_ms", [](const ReplayFrame& f) { return clockMs(f.report.begin); });
     columns.frameMs("t_frame_ms", [](const ReplayFrame& f) { return f.advanceMs; });
     columns.frameMs("t_frame_stream_ms", [](const ReplayFrame& f) { return f.report.cpu.streamMs; });
     columns.frameMs("t_frame_sets_ms", [](const ReplayFrame& f) { return f.report.cpu.setsMs; });
@@ -159,6 +177,7 @@ void addTimes(Columns& columns) {
     columns.frameMs("t_frame_plan_ms", [](const ReplayFrame& f) { return f.report.cpu.planMs; });
     columns.frameMs("t_frame_record_ms", [](const ReplayFrame& f) { return f.report.cpu.recordMs; });
     columns.frameMs("t_frame_gpu_wall_ms", [](const ReplayFrame& f) { return f.report.gpu.wallMs; });
+    columns.frameMs("t_frame_spots_ms", [](const ReplayFrame& f) { return f.report.gpu.spotsMs; });
     columns.list.push_back({"t_gpu_static_ms", [](const ReplayFrame& f, size_t c, std::string& out) {
                                 appendMs(out, timesOf(f.report.gpu, c).staticMs);
                             }});
@@ -174,6 +193,10 @@ void addTimes(Columns& columns) {
 }
 
 }  // namespace
+
+double clockMs(std::chrono::steady_clock::time_point time) {
+    return std::chrono::duration<double, std::milli>(time.time_since_epoch()).count();
+}
 
 std::vector<FrameColumn> frameColumns() {
     Columns columns;

@@ -2,6 +2,7 @@
 // The columns are documented in docs/columns.md, by name and in order.
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <string>
 #include <vector>
@@ -17,6 +18,9 @@ struct FrameColumn {
     std::string name;
     std::function<void(const ReplayFrame&, size_t cascade, std::string&)> value;
 };
+
+/// As columns have a moment [ms].
+double clockMs(std::chrono::steady_clock::time_point time);
 
 /// All columns, deterministic ones first.
 std::vector<FrameColumn> frameColumns();

@@ -86,7 +86,7 @@ world::Result<ReplayFrame> step(server::ShadowSystem& system, const ReplayInput&
     if (!report) return report.error();
     frame.report = std::move(report.value());
     frame.redraw = system.redrawCosts();
-    if (input.dearest > 0) frame.dearest = system.dearestCasters(input.dearest);
+    if (input.dearest) frame.dearest = system.dearestCasters();
 
     const bool verified = dumped || frame.number % input.verifyEvery == 0;
     if (verified) {

@@ -28,7 +28,7 @@ struct ReplayFrame {
     server::RedrawCosts redraw;                  ///< the static part drawn whole, counted without drawing
     std::optional<server::VerifyReport> verify;  ///< where the maps were redrawn and compared
     std::vector<MapHashes> hashes;  ///< per cascade on verified frames and the last one, else empty
-    std::vector<server::CasterCost> dearest;  ///< as many as ReplayInput::dearest asks for
+    std::vector<server::CasterCost> dearest;  ///< of static casters, all or none; dearest first
     double advanceMs = 0;           ///< wall time of ShadowSystem::advance; not deterministic
 };
 
@@ -42,7 +42,7 @@ struct ReplayInput {
     double verticalFov = 0;  ///< of the recorded camera [rad]; 0: not known
     bool foresight = false;  ///< the system is told where the path leads, kForesight seconds ahead
     bool live = false;       ///< frames wait for the path's own time
-    size_t dearest = 0;      ///< static casters that each frame names, those that cost it the most triangles
+    bool dearest = false;    ///< each frame names its static casters and their costs
     double daySeconds = 0;   ///< above 0: from the first frame on the sun runs through a day in so long
 };
 

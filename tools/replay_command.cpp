@@ -244,7 +244,7 @@ Result<std::optional<Recording>> openRecording(const ReplayOptions& options, Run
     record.value().moversHash = run.moversHash;
     auto store = ResultsStore::open(options.results);
     if (!store) return store.error();
-    run.input.dearest = kDearest;
+    run.input.dearest = true;
     return std::optional<Recording>(Recording{std::move(store.value()), std::move(record.value())});
 }
 

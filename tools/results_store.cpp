@@ -46,6 +46,8 @@ std::vector<Table> tables(const ResultColumns& columns) {
              "frame, cascade, cause"},
             {"caster", "frame INTEGER, number INTEGER, name TEXT, x REAL, y REAL, z REAL, triangles INTEGER, draws INTEGER",
              "frame, number"},
+            {"caster_sum", "name TEXT, x REAL, y REAL, z REAL, frames INTEGER, triangles INTEGER, draws INTEGER", "name, x, y, z"},
+            {"read", "frame INTEGER, number INTEGER, name TEXT, bytes INTEGER, t_thread INTEGER, t_begin_ms REAL, t_ms REAL", "frame, number"},
             {"picture", "frame INTEGER, cascade INTEGER, png BLOB", "frame, cascade"},
             {"method", "number INTEGER, name TEXT, frames INTEGER, judged INTEGER, triangles REAL, texels REAL, draws REAL, false_lit REAL, "
                        "false_shadow REAL, flips REAL, t_ms REAL, t_shading_ms REAL",
@@ -139,11 +141,13 @@ Result<Done> ResultsStore::stage() {
         return database_.prepare(("INSERT INTO temp.new_" + table + " VALUES(" + placeholders(columns) + ")").c_str());
     };
     auto frame = into("frame", 4 + columns_.frame.size()), cascade = into("cascade", 2 + columns_.cascade.size()),
-         cause = into("cause", 7), caster = into("caster", 8), picture = into("picture", 3), method = into("method", 12);
-    for (const auto* statement : {&frame, &cascade, &cause, &caster, &picture, &method})
+         cause = into("cause", 7), caster = into("caster", 8), read = into("read", 7), picture = into("picture", 3), method = into("method", 12);
+    auto sum = database_.prepare("INSERT INTO temp.new_caster_sum VALUES(?, ?, ?, ?, 1, ?, ?) ON CONFLICT(name, x, y, z) DO UPDATE SET "
+                                 "frames = frames + 1, triangles = triangles + excluded.triangles, draws = draws + excluded.draws");
+    for (const auto* statement : {&frame, &cascade, &cause, &caster, &sum, &read, &picture, &method})
         if (!*statement) return statement->error();
     inserts_.emplace(Inserts{std::move(frame.value()), std::move(cascade.value()), std::move(cause.value()),
-                             std::move(caster.value()), std::move(picture.value()), std::move(method.value())});
+                             std::move(caster.value()), std::move(sum.value()), std::move(read.value()), std::move(picture.value()), std::move(method.value())});
     return Done{};
 }
 
@@ -194,14 +198,32 @@ Result<Done> ResultsStore::write(const ReplayFrame& frame) {
     }
     for (size_t k = 0; k < frame.dearest.size(); ++k) {
         const server::CasterCost& caster = frame.dearest[k];
+        const auto put = [&](Statement& statement, Row row) {
+            row.put(caster.name);
+            for (int axis = 0; axis < 3; ++axis) row.put(caster.pWorld[axis]);
+            row.put(caster.triangles);
+            row.put(caster.draws);
+            return runOnce(statement);
+        };
+        if (const auto done = put(inserts_->sum, Row(inserts_->sum)); !done) return done;
+        if (k >= kDearest) continue;
         Row row(inserts_->caster);
         row.put(frame.number);
         row.put(uint64_t(k));
-        row.put(caster.name);
-        for (int axis = 0; axis < 3; ++axis) row.put(caster.pWorld[axis]);
-        row.put(caster.triangles);
-        row.put(caster.draws);
-        if (const auto done = runOnce(inserts_->caster); !done) return done;
+        if (const auto done = put(inserts_->caster, row); !done) return done;
+    }
+    for (size_t k = 0; k < frame.report.reads.size(); ++k) {
+        const world::ReadSpan& read = frame.report.reads[k];
+        const std::string name = read.mesh ? "mesh " + std::to_string(*read.mesh) : "chunk " + world::toString(read.chunk);
+        Row row(inserts_->read);
+        row.put(frame.number);
+        row.put(uint64_t(k));
+        row.put(name);
+        row.put(read.bytes);
+        row.put(uint64_t(read.times.thread));
+        row.put(clockMs(read.times.begin));
+        row.put(clockMs(read.times.end) - clockMs(read.times.begin));
+        if (const auto done = runOnce(inserts_->read); !done) return done;
     }
     return Done{};
 }

@@ -1,5 +1,5 @@
-// tools/results_store.h — one SQLite file that runs are added to: what was run, and a row for each frame, cascade, cause
-// and dear caster. docs/results.md has every table and column.
+// tools/results_store.h — one SQLite file that runs are added to: what was run, and a row for each frame, cascade, cause,
+// dear caster and read. docs/results.md has every table and column.
 #pragma once
 
 #include <cstddef>
@@ -19,12 +19,12 @@
 namespace tools {
 
 constexpr int64_t kResultsId = 0x47524553;  ///< "GRES" in the file's header
-constexpr int64_t kResultsVersion = 1;
+constexpr int64_t kResultsVersion = 2;
 
 /// A report of 100,000 frames holds a file for several seconds, and a run that took an hour can wait for it.
 constexpr int kResultsPatienceMs = 30000;
 
-/// Casters that are kept of a frame: those that cost it the most triangles.
+/// Casters that are kept of a frame: those that cost it the most triangles. Of all casters sums are kept.
 constexpr size_t kDearest = 8;
 
 /// Adds runs to a file, each whole or not at all: until `commit` a run's rows lie in a temporary file that goes away with
@@ -47,7 +47,7 @@ public:
 
 private:
     struct Inserts {
-        world::Statement frame, cascade, cause, caster, picture, method;
+        world::Statement frame, cascade, cause, caster, sum, read, picture, method;
     };
     ResultsStore(std::string file, world::Database database)
         : file_(std::move(file)), database_(std::move(database)), columns_(resultColumns()) {}

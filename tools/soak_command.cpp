@@ -67,7 +67,7 @@ ReplayFrame frameOf(const server::ShadowSystem& system, const server::FrameRepor
     frame.eye = eye;
     frame.report = report;
     frame.redraw = system.redrawCosts();
-    frame.dearest = system.dearestCasters(kDearest);
+    frame.dearest = system.dearestCasters();
     return frame;
 }
 

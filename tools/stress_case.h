@@ -25,7 +25,7 @@ struct StressCase {
     bool needs() const { return memoryShare > 0 || mostShare > 0; }  ///< that need must be known
     bool mayLack = false;       ///< texels may be wrong while the eye moves; they must be known to be
     bool losesChunks = false;   ///< some chunks cannot be read at all
-    size_t dearest = 0;         ///< static casters that each frame names; see ReplayInput
+    bool dearest = false;       ///< see ReplayInput
     bool foresight = false;     ///< the way is told beforehand
 };
 

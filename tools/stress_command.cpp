@@ -133,7 +133,7 @@ Result<int> runStressCommand(StressOptions options) {
     for (StressCase& c : cases.value()) {
         RunRecord run;
         if (kept) {
-            c.dearest = kDearest;
+            c.dearest = true;
             auto begun = beginRecord("stress", store.value(), options.world, *device.value());
             if (!begun) return begun.error();
             run = std::move(begun.value());

@@ -1,6 +1,7 @@
 #include "world/reads.h"
 
 #include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <cmath>
@@ -16,8 +17,9 @@
 namespace world {
 namespace {
 
-FinishedRead perform(const WorldStore& store, ReadRequest request) {
-    FinishedRead done{.request = std::move(request), .chunk = {}, .mesh = {}, .error = {}};
+FinishedRead perform(const WorldStore& store, ReadRequest request, int thread) {
+    FinishedRead done{.request = std::move(request), .times = {}, .chunk = {}, .mesh = {}, .error = {}};
+    done.times = {thread, std::chrono::steady_clock::now(), {}};
     const ReadRequest& r = done.request;
     if (r.mesh) {
         Result<Mesh> mesh = store.readMesh(*r.mesh);
@@ -28,6 +30,7 @@ FinishedRead perform(const WorldStore& store, ReadRequest request) {
         if (chunk) done.chunk = std::make_shared<const Chunk>(std::move(chunk.value()));
         else done.error = chunk.error();
     }
+    done.times.end = std::chrono::steady_clock::now();
     return done;
 }
 
@@ -36,7 +39,9 @@ void performAll(const WorldStore& store, std::vector<ReadRequest>& requests, std
     const size_t first = finished.size();
     finished.resize(first + requests.size());
     tbb::parallel_for(size_t{0}, requests.size(),
-                      [&](size_t i) { finished[first + i] = perform(store, std::move(requests[i])); });
+                      [&](size_t i) {
+                          finished[first + i] = perform(store, std::move(requests[i]), tbb::this_task_arena::current_thread_index());
+                      });
     requests.clear();
 }
 
@@ -89,11 +94,12 @@ public:
 
     void collect(double now, std::vector<FinishedRead>& finished) override {
         std::vector<ReadRequest> requests;
+        const auto clock = std::chrono::steady_clock::now();
         while (!pending_.empty() && pending_.front().ends <= now) {
             Pending p = std::move(pending_.front());
             pending_.pop_front();
             if (const auto error = refused(p)) {
-                finished.push_back({.request = std::move(p.request), .chunk = {}, .mesh = {}, .error = error});
+                finished.push_back({.request = std::move(p.request), .times = {0, clock, clock}, .chunk = {}, .mesh = {}, .error = error});
                 continue;
             }
             requests.push_back(std::move(p.request));
@@ -127,7 +133,7 @@ class LiveReads : public Reads {
 public:
     explicit LiveReads(const WorldStore& store) : store_(store) {
         for (int i = 0; i < kReaders; ++i)
-            threads_.emplace_back([this](const std::stop_token& stop) { work(stop); });
+            threads_.emplace_back([this, i](const std::stop_token& stop) { work(stop, i); });
     }
     ~LiveReads() override {
         for (std::jthread& thread : threads_) thread.request_stop();
@@ -152,13 +158,13 @@ public:
     size_t underWay() const override { return underWay_; }
 
 private:
-    void work(const std::stop_token& stop) {
+    void work(const std::stop_token& stop, int thread) {
         std::unique_lock lock(mutex_);
         while (wake_.wait(lock, stop, [this] { return !asked_.empty(); }) && !stop.stop_requested()) {
             ReadRequest request = std::move(asked_.front());
             asked_.pop_front();
             lock.unlock();
-            FinishedRead done = perform(store_, std::move(request));
+            FinishedRead done = perform(store_, std::move(request), thread);
             lock.lock();
             finished_.push_back(std::move(done));
         }

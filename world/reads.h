@@ -1,6 +1,7 @@
 // world/reads.h — rows read and decoded off the frame's thread, by one of three clocks.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -46,8 +47,15 @@ struct ReadRequest {
     uint64_t bytes = 0;                 ///< decoded, that must be read
 };
 
+/// When a thread read and decoded; measured.
+struct ReadTimes {
+    int thread = 0;  ///< of those that read, from 0
+    std::chrono::steady_clock::time_point begin, end;
+};
+
 struct FinishedRead {
     ReadRequest request;
+    ReadTimes times;  ///< `begin` is `end` where nothing was read
     std::shared_ptr<const Chunk> chunk;  ///< null for a mesh, and where there is an error
     std::unique_ptr<const Mesh> mesh;
     std::optional<Error> error;

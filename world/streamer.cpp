@@ -228,7 +228,7 @@ StreamEvents Streamer::advance(double now) {
             chunk.reading = chunk.goal;
             bytes_ += memoryOf(i, chunk.goal);
             ready_.push_back({.request = {.mesh = {}, .record = i, .firstLevel = chunk.goal, .base = {}, .bytes = 0},
-                              .chunk = std::move(coarser), .mesh = {}, .error = {}});
+                              .times = {}, .chunk = std::move(coarser), .mesh = {}, .error = {}});
         }
     }
     const bool waits = config_.clock == Clock::kLockStep;
@@ -238,7 +238,11 @@ StreamEvents Streamer::advance(double now) {
         askAll(now);
         finished.clear();
         reads_->collect(now, finished);
-        for (FinishedRead& done : finished) take(std::move(done), now, events);
+        for (FinishedRead& done : finished) {
+            const ReadRequest& r = done.request;
+            events.reads.push_back({r.mesh, r.mesh ? ChunkKey{} : store_.chunks()[r.record].key, r.bytes, done.times});
+            take(std::move(done), now, events);
+        }
         for (auto at = ready_.begin(); at != ready_.end();) {
             const ChunkState& chunk = chunks_[at->request.record];
             const uint64_t held = memoryOf(at->request.record, chunk.first);

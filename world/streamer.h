@@ -52,6 +52,14 @@ struct StreamerConfig {
     DiskModel disk{};
 };
 
+/// One read that ended.
+struct ReadSpan {
+    std::optional<uint32_t> mesh;  ///< id; else it was a chunk
+    ChunkKey chunk{};
+    uint64_t bytes = 0;  ///< decoded
+    ReadTimes times;
+};
+
 /// What changed in one step, to be taken up in this order. Lists ascend by key or id; a mesh arrives before or
 /// with the first chunk that uses it and departs with or after the last.
 struct StreamEvents {
@@ -60,6 +68,7 @@ struct StreamEvents {
     /// New ones, and resident ones that come again with other levels of their terrain.
     std::vector<std::shared_ptr<const Chunk>> arrivals;
     std::vector<Error> errors;  ///< one per chunk or mesh that cannot be read; the rest goes on
+    std::vector<ReadSpan> reads;  ///< that ended, as they were asked for; with the live clock as they ended
     uint64_t bytesRead = 0;     ///< decoded
     uint64_t bytesAgain = 0;    ///< of these, had been read before
 };

@@ -63,7 +63,7 @@ Played play(const world::WorldStore& store, const std::string& file, const std::
     tools::ReplayInput input;
     input.poses = poses;
     input.verifyEvery = 40;
-    input.dearest = tools::kDearest;
+    input.dearest = true;
     Played played;
     const auto columns = tools::frameColumns();
     played.csv = tools::csvHeader(columns);
@@ -158,6 +158,10 @@ TEST(ReportDifference, FindsTheCasterThatGrewAndWhereItCosts) {
     EXPECT_GT(d.causes[0].triangles.change(), 1000);
     ASSERT_FALSE(d.casters.empty());
     EXPECT_TRUE(d.casters[0].name.starts_with("instance 4 of chunk (2,0,0) at (")) << d.casters[0].name;
+    double byCaster = 0, byCause = 0;
+    for (const auto& change : d.casters) byCaster += change.triangles.change();
+    for (const auto& change : d.causes) byCause += change.triangles.change();
+    EXPECT_EQ(byCaster, byCause) << "no caster is missing";
     ASSERT_FALSE(d.look.empty());
     // The frames to look at are those that drew it, and the place is where the eye was then.
     const ReplayFrame& dear = played.frames[d.look[0]];
@@ -313,23 +317,43 @@ TEST(ReportExport, SlicesOfTheTimelineNestStrictly) {
     gzclose(file);
     const auto json = nlohmann::json::parse(text, nullptr, false);
     ASSERT_TRUE(json.is_object());
-    std::map<int, std::vector<std::pair<double, double>>> open;  // ends of the slices that are open, by track
-    size_t frames = 0, deep = 0;
+    std::map<int, std::vector<std::pair<double, double>>> slices;  // begin and end, by track
+    size_t frames = 0, deep = 0, reads = 0, readsInFrames = 0;
+    std::vector<std::pair<double, double>> ofFrames;
     for (const auto& event : json["traceEvents"]) {
         if (event["ph"] != "X") continue;
         const double begin = event["ts"], end = begin + event["dur"].get<double>();
-        auto& stack = open[event["tid"]];
-        // A nanosecond: sums of times are rounded.
-        while (!stack.empty() && stack.back().second <= begin + 1e-3) stack.pop_back();
-        if (!stack.empty()) {
-            ASSERT_GE(begin, stack.back().first - 1e-3);
-            ASSERT_LE(end, stack.back().second + 1e-3) << event;
-            ++deep;
+        slices[event["tid"]].emplace_back(begin, end);
+        const std::string name = event["name"];
+        if (event["tid"] == 1 && name.starts_with("frame ")) {
+            ++frames;
+            ofFrames.emplace_back(begin, end);
         }
-        stack.emplace_back(begin, end);
-        frames += event["tid"] == 1 && event["name"].get<std::string>().starts_with("frame ") ? 1 : 0;
+        if (event["tid"] < 3) continue;
+        ++reads;
+        EXPECT_TRUE(name.starts_with("chunk (") || name.starts_with("mesh ")) << name;
+        // In lock-step they lie within their frame, whose begin is rounded to 0.1 microseconds.
+        readsInFrames += begin >= ofFrames.back().first - 0.1 && end <= ofFrames.back().second + 0.1 ? 1 : 0;
+    }
+    for (auto& [track, list] : slices) {
+        std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return std::pair(a.first, -a.second) < std::pair(b.first, -b.second); });
+        std::vector<std::pair<double, double>> open;
+        for (const auto& [begin, end] : list) {
+            // A nanosecond: sums of times are rounded.
+            while (!open.empty() && open.back().second <= begin + 1e-3) open.pop_back();
+            if (!open.empty()) {
+                ASSERT_LE(end, open.back().second + 1e-3) << "track " << track;
+                ++deep;
+            }
+            open.emplace_back(begin, end);
+        }
     }
     EXPECT_EQ(frames, 120u);
+    size_t read = 0;
+    for (const ReplayFrame& f : base().played.frames) read += f.report.reads.size();
+    EXPECT_GT(read, 0u);
+    EXPECT_EQ(reads, read);
+    EXPECT_EQ(readsInFrames, read);
     EXPECT_GT(deep, 200u);
     EXPECT_FALSE(tools::report::writeTimeline(run, tests::temporary("no/such.json.gz"), kQuiet));
 }

@@ -15,6 +15,7 @@
 #include "tests/tools/synthetic_frames.h"
 #include "tests/world/random_world.h"
 #include "tools/database_row.h"
+#include "tools/report/metric.h"
 #include "tools/report/run_file.h"
 #include "tools/sweep/merge.h"
 
@@ -49,6 +50,8 @@ RunRecord someRun(const std::string& name = "") {
 ReplayFrame frameOf(std::mt19937& rng, std::mt19937& noise, uint64_t number, int cascades) {
     ReplayFrame frame = tools_test::randomFrame(rng, noise, number, cascades);
     frame.eye = {double(number), 2, -3.5};
+    for (const server::SpotId light : {1, 2})
+        frame.report.spots.push_back({light, {cache::Cause::kArrival, tools_test::randomCost(rng), tools_test::randomCost(rng)}});
     if (cascades > 0) frame.report.cascades[0].byCause[0] = {7, 0, 0, 0};  // cleared, and nothing drawn
     frame.dearest = {{"instance 3 of chunk (1,0,2)", {1, 2, 3}, 500, 4}, {"terrain of chunk (0,0,0)", {4, 5, 6}, 20, 1}};
     return frame;
@@ -125,6 +128,9 @@ TEST(ResultsStore, FramesComeBackAsTheyWereAdded) {
     for (size_t k = 0; k < rows.size(); ++k) {
         EXPECT_EQ(rows[k].number, frames[k].number);
         EXPECT_EQ(rows[k].eye, frames[k].eye);
+        const auto& spots = frames[k].report.spots;
+        EXPECT_EQ(tools::report::metricOf("frame_spot_triangles", columns)(rows[k]), double(spots[0].cost.statics.triangles + spots[1].cost.statics.triangles));
+        EXPECT_EQ(tools::report::metricOf("frame_spot_active_triangles", columns)(rows[k]), double(spots[0].cost.active.triangles + spots[1].cost.active.triangles));
         expectCells(columns.frame, rows[k].values, rows[k].texts, frames[k], 0);
         ASSERT_EQ(rows[k].cascades.size(), 3u);
         for (size_t c = 0; c < 3; ++c) {
@@ -135,7 +141,22 @@ TEST(ResultsStore, FramesComeBackAsTheyWereAdded) {
         EXPECT_EQ(rows[k].dearest[0].name, "instance 3 of chunk (1,0,2)");
         EXPECT_EQ(rows[k].dearest[1].pWorld, glm::dvec3(4, 5, 6));
         EXPECT_EQ(rows[k].dearest[0].triangles, 500u);
+        const auto& reads = frames[k].report.reads;
+        ASSERT_EQ(rows[k].reads.size(), reads.size());
+        for (size_t i = 0; i < reads.size(); ++i) {
+            EXPECT_EQ(rows[k].reads[i].name, reads[i].mesh ? "mesh " + std::to_string(*reads[i].mesh) : "chunk " + world::toString(reads[i].chunk));
+            EXPECT_EQ(rows[k].reads[i].bytes, reads[i].bytes);
+            EXPECT_EQ(rows[k].reads[i].thread, uint64_t(reads[i].times.thread));
+            EXPECT_EQ(rows[k].reads[i].beginMs, tools::clockMs(reads[i].times.begin));
+            EXPECT_NEAR(rows[k].reads[i].ms, tools::clockMs(reads[i].times.end) - tools::clockMs(reads[i].times.begin), 1e-9) << "sums are rounded";
+        }
     }
+    const auto sums = run.value().casterSums();
+    ASSERT_TRUE(sums);
+    ASSERT_EQ(sums.value().size(), 2u);
+    EXPECT_EQ(sums.value()[0].name, "instance 3 of chunk (1,0,2)");
+    EXPECT_EQ(sums.value()[0].triangles, 600u * 500);
+    EXPECT_EQ(sums.value()[1].draws, 600u);
     EXPECT_EQ(run.value().pictures().value().size(), 1u);
     EXPECT_EQ(run.value().pictures().value()[0].png.size(), 2u);
     ASSERT_EQ(run.value().methods().value().size(), 2u);
@@ -265,7 +286,7 @@ TEST(ResultsStore, WhatIsNoResultsFileIsRefusedAndLeftAlone) {
     }
     const std::string whole = world_tests::readFile(file);
     ASSERT_TRUE(world::Database::openEmpty(file).value().run("PRAGMA user_version=9"));
-    refused("version 9, this program reads 1");
+    refused("version 9, this program reads 2");
     EXPECT_EQ(ResultsStore::open(folder.file("")).error().code, world::ErrorCode::kIo);
     EXPECT_EQ(ResultsStore::open(folder.file("none/r.sqlite")).error().code, world::ErrorCode::kIo);
     EXPECT_EQ(RunFile::open(folder.file("none.sqlite")).error().code, world::ErrorCode::kNotFound);

@@ -49,6 +49,16 @@ inline tools::ReplayFrame randomFrame(std::mt19937& rng, std::mt19937& noise, ui
     frame.report.missingChunks = rng() % 3;
     frame.report.coarseChunks = rng() % 3;
     frame.report.longestLack = static_cast<double>(rng() % 100) / 8;
+    const auto moment = [](double at) {
+        const std::chrono::duration<double, std::milli> since(at);
+        return std::chrono::steady_clock::time_point(std::chrono::duration_cast<std::chrono::steady_clock::duration>(since));
+    };
+    frame.report.begin = moment(100.0 * static_cast<double>(number));
+    for (uint32_t k = rng() % 3; k > 0; --k) {
+        const double begin = 100.0 * static_cast<double>(number) + ms(noise);
+        const std::optional<uint32_t> mesh = rng() % 2 == 0 ? std::optional<uint32_t>(k) : std::nullopt;
+        frame.report.reads.push_back({mesh, {static_cast<int>(k), 0, 2}, rng(), {static_cast<int>(noise() % 3), moment(begin), moment(begin + ms(noise))}});
+    }
     frame.report.bytesRead = rng();
     frame.report.bytesAgain = rng();
     frame.report.residentBytes = rng();

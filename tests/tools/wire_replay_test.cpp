@@ -58,7 +58,7 @@ void spreadCauses(Row& row) {
 /// Columns of the replay whose values a session's reply has.
 bool told(const std::string& column) {
     static const char* const kElsewhere[] = {"time", "move_", "triangles_hidden", "casters_dropped", "sun_error", "frame_sun_",
-                                             "frame_limit_", "frame_longest_lack", "frame_bytes_again", "frame_edits", "frame_errors",
+                                             "frame_limit_", "frame_longest_lack", "frame_bytes_again", "frame_edits", "frame_errors", "frame_spot_",
                                              "frame_verified", "frame_skipped", "frame_differing", "t_"};
     return std::none_of(std::begin(kElsewhere), std::end(kElsewhere), [&](const char* begin) { return column.starts_with(begin); });
 }

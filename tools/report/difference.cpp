@@ -62,6 +62,14 @@ std::vector<OtherInput> otherInputs(const RunRecord& a, const RunRecord& b) {
     return list;
 }
 
+/// Most changed first.
+void sortByChange(std::vector<Change>& list) {
+    std::stable_sort(list.begin(), list.end(), [](const Change& x, const Change& y) {
+        return std::pair(std::abs(x.triangles.change()), std::abs(x.texels.change())) >
+               std::pair(std::abs(y.triangles.change()), std::abs(y.texels.change()));
+    });
+}
+
 /// Sums under a name, and the frames in which they changed most.
 class Parts {
 public:
@@ -84,13 +92,16 @@ public:
         for (auto& [name, part] : parts_) {
             if (part.most.empty()) continue;
             part.change.name = name;
-            for (const auto& [by, frame] : part.most) part.change.frames.push_back(frame);
+            part.change.frames = frames(name);
             list.push_back(part.change);
         }
-        std::stable_sort(list.begin(), list.end(), [](const Change& x, const Change& y) {
-            return std::pair(std::abs(x.triangles.change()), std::abs(x.texels.change())) >
-                   std::pair(std::abs(y.triangles.change()), std::abs(y.texels.change()));
-        });
+        sortByChange(list);
+        return list;
+    }
+    std::vector<uint64_t> frames(const std::string& name) const {
+        std::vector<uint64_t> list;
+        if (const auto part = parts_.find(name); part != parts_.end())
+            for (const auto& [by, frame] : part->second.most) list.push_back(frame);
         return list;
     }
 
@@ -147,7 +158,12 @@ public:
         std::map<std::string, Pair> casters;
         for (const server::CasterCost& c : a.dearest) casters[named(c)].a += double(c.triangles);
         for (const server::CasterCost& c : b.dearest) casters[named(c)].b += double(c.triangles);
-        for (const auto& [name, pair] : casters) casters_.add(name, a.number, pair, {});
+        for (const auto& [name, pair] : casters) dearest_.add(name, a.number, pair, {});
+    }
+    /// All casters, by their sums; the frames are known of those that were among the dearest.
+    void addCasters(const std::vector<server::CasterCost>& a, const std::vector<server::CasterCost>& b) {
+        for (const server::CasterCost& c : a) casters_[named(c)].a += double(c.triangles);
+        for (const server::CasterCost& c : b) casters_[named(c)].b += double(c.triangles);
     }
     void into(Difference& d) {
         d.differing = differing_;
@@ -155,7 +171,9 @@ public:
             if (counter.differs) d.counters.emplace_back(counter.metric.name, counter.sum);
         d.causes = causes_.changed();
         d.places = places_.changed();
-        d.casters = casters_.changed();
+        for (const auto& [name, pair] : casters_)
+            if (pair.change() != 0) d.casters.push_back({name, pair, {}, dearest_.frames(name)});
+        sortByChange(d.casters);
         for (const Change& frame : frames_.changed())
             if (d.look.size() < kFramesToLook) d.look.push_back(frame.frames.front());
     }
@@ -175,7 +193,8 @@ private:
     }
     std::vector<Counter> metrics_;
     uint64_t differing_ = 0;
-    Parts causes_, places_, casters_, frames_;
+    Parts causes_, places_, dearest_, frames_;
+    std::map<std::string, Pair> casters_;
 };
 
 /// Medians over the frames of each run that repeats `run`, by the metric's order.
@@ -307,6 +326,10 @@ Result<Difference> compare(RunFile& a, RunFile& b, const std::function<void(size
             return incomparable(a, b, "frame " + std::to_string(rowA.number) + " of one meets frame " + std::to_string(rowB.number) + " of the other");
         comparison.add(rowA, rowB);
     }
+    const auto castersA = a.casterSums(), castersB = b.casterSums();
+    if (!castersA) return castersA.error();
+    if (!castersB) return castersB.error();
+    comparison.addCasters(castersA.value(), castersB.value());
     comparison.into(d);
     if (const auto done = compareTimes(a, b, d); !done) return done.error();
     return d;
@@ -328,7 +351,7 @@ std::string toText(const Difference& d) {
         out += d.look.empty() ? ", none in triangles or texels.\n\n" : "; most, frames " + listed(d.look) + ".\n\n";
         print(out, "By cause", d.causes);
         print(out, "By place of the eye (x, z) [m]", d.places);
-        print(out, "By caster, of the dearest of each frame", d.casters);
+        print(out, "By caster", d.casters);
         out += "Counters that differ, summed over the frames and cascades\n";
         for (const auto& [name, sum] : d.counters) print(out, name, sum, "");
     }

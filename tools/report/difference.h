@@ -26,7 +26,7 @@ struct OtherInput {
 struct Change {
     std::string name;
     Pair triangles, texels;
-    std::vector<uint64_t> frames;  ///< most changed first, at most three
+    std::vector<uint64_t> frames;  ///< most changed first, at most three; of a caster those that had it among their dearest
 };
 
 /// A time, over repeated runs: medians over a run's frames, their mean over the runs of each side.

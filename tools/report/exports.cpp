@@ -159,7 +159,7 @@ private:
     bool first_ = true;
 };
 
-constexpr int kCpu = 1, kGpu = 2;
+constexpr int kCpu = 1, kGpu = 2, kReader = 3;  ///< tracks; readers are numbered from there
 
 /// A frame's slices from `begin` on [us]; they end within `length`.
 Result<Done> addFrame(Timeline& timeline, const FrameRow& row, const std::function<double(const char*)>& of, const std::vector<std::pair<double, double>>& passes,
@@ -221,7 +221,7 @@ Result<Done> writeCsv(RunFile& run, std::ostream& out, const Follow& follow) {
 Result<std::string> benchmarkJson(RunFile& run, const Follow& follow) {
     std::vector<Metric> times, counters;
     for (const Metric& metric : allMetrics(run.columns()))
-        if (metric.measured()) times.push_back(metric);
+        if (metric.measured() && metric.name != "t_frame_begin_ms") times.push_back(metric);
     for (const char* name : {"static_triangles", "static_texels", "static_casters", "static_draws", "redraw_triangles", "frame_rays", "frame_bytes_read"})
         counters.push_back(metricOf(name, run.columns()));
     std::vector<Distribution> ofTimes(times.size()), ofCounters(counters.size());
@@ -263,18 +263,26 @@ Result<Done> writeTimeline(RunFile& run, const std::string& path, const Follow& 
         if (run.columns().cascade[k].column.name == "t_gpu_static_ms") statics = k;
         if (run.columns().cascade[k].column.name == "t_gpu_active_ms") actives = k;
     }
-    double begin = 0;
+    std::optional<double> origin;  // [ms]
+    size_t readers = 0;
     const auto done = eachFrame(run, follow, [&](const FrameRow& row) -> Result<Done> {
         const auto of = [&](const char* name) {
             const double value = metrics.at(name)(row);
             return std::isnan(value) ? 0 : value;
         };
+        const double began = of("t_frame_begin_ms");
+        if (!origin) origin = began;
         std::vector<std::pair<double, double>> passes;
         for (const FrameRow::Cascade& c : row.cascades) passes.emplace_back(c.values[statics], c.values[actives]);
-        const double length = of("t_frame_ms") * 1000;
-        const auto added = addFrame(timeline, row, of, passes, begin, length);
-        begin += length;
-        return added;
+        if (const auto added = addFrame(timeline, row, of, passes, (began - *origin) * 1000, of("t_frame_ms") * 1000); !added) return added;
+        for (const ReadRow& read : row.reads) {
+            for (; readers <= read.thread; ++readers)
+                if (const auto named = timeline.name(kReader + int(readers), "reader " + std::to_string(readers)); !named) return named;
+            const auto added = timeline.slice(kReader + int(read.thread), read.name, (read.beginMs - *origin) * 1000, read.ms * 1000,
+                                              {{"bytes", read.bytes}, {"frame", row.number}});
+            if (!added) return added;
+        }
+        return Done{};
     });
     if (!done) return done;
     if (const auto ended = timeline.end(); !ended) return ended;

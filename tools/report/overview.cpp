@@ -18,6 +18,7 @@ const std::vector<Series> kSeries{{"frame_resident_bytes", Way::kMost}, {"frame_
                                   {"frame_bytes_read", Way::kSum},      {"frame_chunk_arrivals", Way::kSum},
                                   {"frame_chunk_departures", Way::kSum}, {"frame_chunks_missing", Way::kMost},
                                   {"frame_chunks_coarse", Way::kMost},  {"frame_rays", Way::kSum},
+                                  {"frame_spot_triangles", Way::kSum},
                                   {"triangles_hidden", Way::kSum},      {"t_frame_ms", Way::kMost}};
 
 /// What the page gives p50 to the most of, with its unit.
@@ -28,18 +29,20 @@ const std::vector<Distributed> kDistributed{
     {"static_triangles", "static triangles drawn", "triangles"}, {"static_texels", "static texels redrawn", "texels"},
     {"static_casters", "static casters drawn", "casters"},       {"static_draws", "static draws", "draws"},
     {"active_triangles", "moving triangles drawn", "triangles"}, {"redraw_triangles", "triangles of a whole redraw", "triangles"},
+    {"frame_spot_triangles", "static triangles drawn for spot lights", "triangles"},
     {"frame_bytes_read", "read", "bytes"},                       {"frame_bytes_uploaded", "uploaded to the GPU", "bytes"},
     {"frame_rays", "rays for certificates", "rays"},             {"oldest_debt", "oldest debt", "frames"},
     {"missing_texels", "texels that lack a chunk", "texels"},    {"t_frame_ms", "whole frame", "ms"},
     {"t_frame_gpu_wall_ms", "submission to fence", "ms"},        {"t_frame_stream_ms", "streaming, CPU", "ms"},
     {"t_frame_occlusion_ms", "certificates, CPU", "ms"},         {"t_frame_plan_ms", "planning, CPU", "ms"},
+    {"t_frame_spots_ms", "maps of spot lights, GPU", "ms"},
     {"t_frame_redraw_wall_ms", "whole redraw, on compared frames", "ms"}};
 
 const std::vector<std::string> kSums{"static_triangles", "static_texels", "static_casters", "static_draws", "active_triangles",
                                      "redraw_triangles", "redraw_texels", "clusters_found", "clusters_hidden", "triangles_hidden",
                                      "frame_rays", "frame_certificates", "frame_revocations", "frame_bytes_read", "frame_bytes_again",
                                      "frame_bytes_uploaded", "frame_chunk_arrivals", "frame_chunk_departures", "frame_chunk_refinements",
-                                     "frame_errors", "frame_verified_texels", "frame_differing_texels", "t_frame_occlusion_ms", "t_gpu_static_ms"};
+                                     "frame_errors", "frame_spot_triangles", "frame_verified_texels", "frame_differing_texels", "t_frame_occlusion_ms", "t_gpu_static_ms"};
 
 double orZero(double value) { return std::isnan(value) ? 0 : value; }
 
@@ -210,6 +213,8 @@ Json Overview::json() {
     if (summary.is_object() && summary.contains("cascades") && summary["cascades"].is_array())
         for (const Json& c : summary["cascades"])
             if (c.is_object()) geometry.push_back({c.value("texel_m", 0.0), c.value("split_m", 0.0)});
+    Json spots = Json::array();
+    if (summary.is_object() && summary.contains("spots") && summary["spots"].is_array()) spots = summary["spots"];
     Json distributions = Json::array(), sums = Json::object(), dearest = Json::array();
     for (size_t k = 0; k < kDistributed.size(); ++k) {
         Distribution& d = distributions_[k];
@@ -229,7 +234,7 @@ Json Overview::json() {
             {"machine", record_.machine}, {"threads", record_.threads}, {"program", record_.program}, {"started", record_.started},
             {"wall", record_.wallSeconds}, {"settings", settings}, {"geometry", geometry}, {"verifiedFrames", verified_},
             {"begins", frames ? points_.front().dearest["t"] : Json(0)}, {"ends", frames ? points_.back().dearest["t"] : Json(0)},
-            {"sums", sums}, {"series", frames ? seriesJson() : Json()}, {"cascades", cascadesJson()}, {"dearest", dearest},
+            {"sums", sums}, {"series", frames ? seriesJson() : Json()}, {"cascades", cascadesJson()}, {"spots", spots}, {"dearest", dearest},
             {"distributions", distributions}, {"occlusion", frames ? occlusionJson() : Json()}};
 }
 

@@ -108,9 +108,11 @@ Result<FrameCursor> RunFile::frames() {
     auto cascades = rowsOf("frame, cascade" + named(columns_.cascade), "cascade", "frame, cascade");
     auto causes = rowsOf("frame, cascade, cause, texels, casters, triangles, draws", "cause", "frame, cascade, cause");
     auto casters = rowsOf("frame, name, x, y, z, triangles, draws", "caster", "frame, number");
-    for (const auto* rows : {&frames, &cascades, &causes, &casters})
+    auto reads = rowsOf("frame, name, bytes, t_thread, t_begin_ms, t_ms", "read", "frame, number");
+    for (const auto* rows : {&frames, &cascades, &causes, &casters, &reads})
         if (!*rows) return rows->error();
-    return FrameCursor(*this, std::move(frames.value()), std::move(cascades.value()), std::move(causes.value()), std::move(casters.value()));
+    return FrameCursor(*this, std::move(frames.value()), std::move(cascades.value()), std::move(causes.value()), std::move(casters.value()),
+                       std::move(reads.value()));
 }
 
 void FrameCursor::takeCells(Statement& statement, int at, const std::vector<ResultColumn>& columns, std::vector<double>& values,
@@ -172,6 +174,14 @@ Result<bool> FrameCursor::next(FrameRow& row) {
         values.take(caster.triangles), values.take(caster.draws);
         if (const auto done = stepped(casters_); !done) return done.error();
     }
+    row.reads.clear();
+    while (ofFrame(reads_)) {
+        Row values(reads_.statement);
+        ReadRow& read = row.reads.emplace_back();
+        uint64_t skipped = 0;
+        values.take(skipped), values.take(read.name), values.take(read.bytes), values.take(read.thread), values.take(read.beginMs), values.take(read.ms);
+        if (const auto done = stepped(reads_); !done) return done.error();
+    }
     return true;
 }
 
@@ -206,6 +216,23 @@ Result<std::vector<MethodFigures>> RunFile::methods() {
         rows.value().there = more.value();
     }
     return methods;
+}
+
+Result<std::vector<server::CasterCost>> RunFile::casterSums() {
+    auto rows = rowsOf("name, x, y, z, triangles, draws", "caster_sum", "name, x, y, z");
+    if (!rows) return rows.error();
+    std::vector<server::CasterCost> sums;
+    while (rows.value().there) {
+        Row values(rows.value().statement);
+        server::CasterCost& sum = sums.emplace_back();
+        values.take(sum.name);
+        for (int k = 0; k < 3; ++k) values.take(sum.pWorld[k]);
+        values.take(sum.triangles), values.take(sum.draws);
+        const auto more = rows.value().statement.step();
+        if (!more) return told(more.error());
+        rows.value().there = more.value();
+    }
+    return sums;
 }
 
 Result<std::vector<std::string>> RunFile::repetitions() {

@@ -15,6 +15,14 @@
 
 namespace tools::report {
 
+/// A chunk or mesh that was read; measured but for what and how much.
+struct ReadRow {
+    std::string name;
+    uint64_t bytes = 0;  ///< decoded
+    uint64_t thread = 0;
+    double beginMs = 0, ms = 0;  ///< by the clock of t_frame_begin_ms
+};
+
 /// All that is kept of a frame. Numbers stand in the order of ResultColumns, NaN where there is none, or a text.
 struct FrameRow {
     struct Cascade {
@@ -28,6 +36,7 @@ struct FrameRow {
     std::vector<std::string> texts;
     std::vector<Cascade> cascades;
     std::vector<server::CasterCost> dearest;
+    std::vector<ReadRow> reads;  ///< that ended since the last frame
 };
 
 class RunFile;
@@ -44,12 +53,12 @@ private:
         world::Statement statement;
         bool there = false;  ///< on a row that was not taken yet
     };
-    FrameCursor(const RunFile& file, Rows frames, Rows cascades, Rows causes, Rows casters)
-        : file_(file), frames_(std::move(frames)), cascades_(std::move(cascades)), causes_(std::move(causes)), casters_(std::move(casters)) {}
+    FrameCursor(const RunFile& file, Rows frames, Rows cascades, Rows causes, Rows casters, Rows reads)
+        : file_(file), frames_(std::move(frames)), cascades_(std::move(cascades)), causes_(std::move(causes)), casters_(std::move(casters)), reads_(std::move(reads)) {}
     void takeCells(world::Statement& statement, int at, const std::vector<ResultColumn>& columns, std::vector<double>& values,
                    std::vector<std::string>& texts);
     const RunFile& file_;
-    Rows frames_, cascades_, causes_, casters_;
+    Rows frames_, cascades_, causes_, casters_, reads_;
 };
 
 /// What the lab found of a method: shares in percent of the pixels that face the sun, costs as means of a frame.
@@ -75,6 +84,8 @@ public:
     world::Result<FrameCursor> frames();
     world::Result<std::vector<DumpedPicture>> pictures();
     world::Result<std::vector<MethodFigures>> methods();
+    /// What each static caster cost over all frames, by name and place.
+    world::Result<std::vector<server::CasterCost>> casterSums();
     /// The runs of the file that repeat this one, itself among them, as words for `open`.
     world::Result<std::vector<std::string>> repetitions();
 

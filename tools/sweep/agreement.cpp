@@ -79,7 +79,7 @@ Result<std::optional<std::string>> differenceIn(const RunPlace& a, const RunPlac
 }  // namespace
 
 Result<std::optional<std::string>> difference(const RunPlace& a, const RunPlace& b) {
-    for (const char* name : {"frame", "cascade", "cause", "caster", "picture", "method", "run"}) {
+    for (const char* name : {"frame", "cascade", "cause", "caster", "caster_sum", "read", "picture", "method", "run"}) {
         const auto table = tableOf(a.database, name);
         if (!table) return table.error();
         const auto found = differenceIn(a, b, table.value());

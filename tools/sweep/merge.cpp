@@ -84,7 +84,7 @@ Result<Done> Target::copy(const Shard& shard) {
     const auto last = numberFrom(database_, "SELECT max(id) FROM run");
     if (!last) return last.error();
     const std::string id = std::to_string(last.value() + 1);
-    for (const char* table : {"run", "frame", "cascade", "cause", "caster", "picture", "method"}) {
+    for (const char* table : {"run", "frame", "cascade", "cause", "caster", "caster_sum", "read", "picture", "method"}) {
         auto names = database_.prepare((std::string("SELECT group_concat(name, ', ') FROM pragma_table_info('") + table + "') WHERE name NOT IN ('id', 'run')").c_str());
         if (!names) return names.error();
         if (const auto row = names.value().step(); !row) return row.error();
