@@ -63,10 +63,14 @@ scancel "$(cut -d ' ' -f 1 cluster/jobs)_47"  # a shard that Slurm will not run
 wait_for 240 "a quarter of the shards is not done" '(( $(count cluster done) >= 12 ))'
 wait_for 10 "a node has no task" '[[ -n $(tasks_of n1) && -n $(tasks_of n2) ]]'
 # The controller, all of one node, and the tasks of the other, of which Slurm hears nothing but that they ended.
-kill -9 "$(cat slurmctld.pid)" $(processes_of n2) $(tasks_of n1) || true  # some may just have ended
+controller=$(cat slurmctld.pid)
+kill -9 "$controller" $(processes_of n2) $(tasks_of n1) || true  # some may just have ended
 done_then=$(count cluster done)
 ((done_then < 48)) || fail "all was done before anything was killed"
+# Its port is not free before it is gone.
+wait_for 20 "the controller does not die" '! grep -q "^State:.[^ZX]" "/proc/$controller/status" 2>/dev/null'
 slurmctld && node_start n2 || fail "the daemons do not start again"
+wait_for 30 "the controller does not start again" 'squeue >/dev/null 2>&1'
 wait_for 240 "the cluster is not at rest" 'at_rest cluster'
 resumed=0
 until [[ $(count cluster done) == 48 ]]; do
@@ -89,7 +93,7 @@ def rows(file):
     shards = db.execute("SELECT key, run FROM shard").fetchall()
     assert len(shards) == len({run for key, run in shards}) == db.execute("SELECT count(*) FROM run").fetchone()[0] == 48, file
     for key, run in shards:
-        for table in ("run", "frame", "cascade", "cause", "caster"):
+        for table in ("run", "frame", "cascade", "cause", "caster", "caster_sum", "read"):
             names = [row[1] for row in db.execute(f"PRAGMA table_info({table})")]
             kept = [n for n in names if not n.startswith("t_") and n not in
                     ("id", "run", "key", "device", "driver", "machine", "threads", "program", "summary")]
