@@ -164,7 +164,8 @@ TEST(FuzzParsers, OptionFilesAreTakenOrRefusedByName) {
         ASSERT_EQ(read.error().code, world::ErrorCode::kUsage) << read.error().what;
         ASSERT_TRUE(read.error().what.starts_with(path + ":")) << read.error().what;
     }
-    EXPECT_GT(taken, 0u);
+    std::printf("%llu taken, %llu refused\n", static_cast<unsigned long long>(taken), static_cast<unsigned long long>(refused));
+    EXPECT_GT(taken, refused / 100);  // was 5 in 100
     EXPECT_GT(refused, 0u);
 }
 

@@ -40,11 +40,11 @@ TEST(Fuzz, RequestsAreAnsweredOrRefusedByName) {
     auto session = fresh(open);
     ASSERT_TRUE(session) << session.error().what;
     const auto end = std::chrono::steady_clock::now() + kFuzzTime;
-    uint64_t frames = 0, refused = 0, opened = 0, questions = 0;
+    uint64_t k = 0, frames = 0, refused = 0, opened = 0, questions = 0;
     const auto named = [](const world::Error& error) {
         return error.code != world::ErrorCode::kDevice && error.code != world::ErrorCode::kIo && !error.what.empty();
     };
-    for (uint64_t k = 0; std::chrono::steady_clock::now() < end; ++k) {
+    for (; std::chrono::steady_clock::now() < end; ++k) {
         std::string bytes = richFrame(k).SerializeAsString();
         mutator.change(bytes, richFrame(mutator.below(1000)).SerializeAsString());
         v1::Frame frame;
@@ -96,11 +96,12 @@ TEST(Fuzz, RequestsAreAnsweredOrRefusedByName) {
         }
     }
     google::protobuf::SetLogHandler(before);
-    EXPECT_GT(frames, 0u);
-    EXPECT_GT(questions, 0u);
+    // Shares, not numbers: machines differ. They were 18, 0.4 and 0.06 in 100.
+    EXPECT_GT(frames, k / 20);
+    EXPECT_GT(questions, k / 2000);
     EXPECT_GT(opened, 0u);
     tests::expectSilence();
-    std::printf("%llu frames drawn, %llu refused, %llu questions answered, %llu sessions opened\n", static_cast<unsigned long long>(frames),
+    std::printf("%llu requests: %llu frames drawn, %llu refused, %llu questions answered, %llu sessions opened\n", static_cast<unsigned long long>(k), static_cast<unsigned long long>(frames),
                 static_cast<unsigned long long>(refused), static_cast<unsigned long long>(questions), static_cast<unsigned long long>(opened));
 }
 
@@ -119,8 +120,8 @@ TEST(Fuzz, RecordingsAreReadToWhereTheyAreSound) {
     const std::string bytes{std::istreambuf_iterator<char>(file), {}};
     Mutator mutator(2);
     const auto end = std::chrono::steady_clock::now() + kFuzzTime;
-    uint64_t whole = 0, damaged = 0, torn = 0;
-    while (std::chrono::steady_clock::now() < end) {
+    uint64_t tries = 0, whole = 0, damaged = 0, torn = 0;
+    for (; std::chrono::steady_clock::now() < end; ++tries) {
         std::string other = bytes;
         if (mutator.below(4) == 0) other.resize(mutator.below(other.size()));
         else mutator.change(other, bytes);
@@ -145,8 +146,10 @@ TEST(Fuzz, RecordingsAreReadToWhereTheyAreSound) {
         torn += reader.value().torn();
         whole += entries == 20;
     }
-    EXPECT_GT(damaged, 0u);
-    EXPECT_GT(torn, 0u);
+    std::printf("%llu tries: %llu damaged, %llu torn\n", static_cast<unsigned long long>(tries), static_cast<unsigned long long>(damaged),
+                static_cast<unsigned long long>(torn));
+    EXPECT_GT(damaged, tries / 4);  // was 72 in 100
+    EXPECT_GT(torn, tries / 20);    // 26
     EXPECT_GT(whole, 0u) << "some end after the last entry";
 }
 
