@@ -120,7 +120,7 @@ Result<Client> Client::connect(const std::string& address, const std::optional<T
     // Each client tries by itself, and soon: not as late as others that had no luck at the address.
     arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
     arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
-    arguments.SetInt(GRPC_ARG_HTTP2_BDP_PROBE, 0);
+    arguments.SetInt(GRPC_ARG_HTTP2_BDP_PROBE, 0);  // as in the service
     auto impl = std::make_unique<Impl>();
     impl->channel = grpc::CreateCustomChannel(address, credentials, arguments);
     impl->stub = v1::Gnomon::NewStub(impl->channel);

@@ -38,8 +38,8 @@ using world::Result;
 
 constexpr size_t kPoints = 1'000'000;  ///< of a question
 constexpr size_t kStretch = 30;        ///< frames
-constexpr size_t kPace = 60;               ///< poses of one session's stretch
-constexpr double kStartSeconds = 30;
+constexpr size_t kPace = 60;           ///< poses of one session's stretch
+constexpr double kStartSeconds = 30;   ///< for the service to come up
 constexpr double kReach = 80;          ///< points lie so far from the eye [m]
 constexpr double kOverheadMs = 0.5, kPointsPerSecond = 1e6, kFair = 2, kGrowth = 1.05;
 
