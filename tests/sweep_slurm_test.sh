@@ -31,7 +31,16 @@ wait_for() {
         sleep 0.3
     done
 }
-at_rest() { squeue >/dev/null 2>>log && [[ $(count "$1" running) == 0 && $(count "$1" queued) == 0 ]]; }
+# What whoever runs a cluster does: see to the nodes that Slurm has drained. A controller that was killed gives numbers of tasks
+# again that nodes know ("Duplicate jobid"), and which nodes it drains for that depends on what was at work then.
+undrain() {
+    local node
+    for node in $(sinfo --noheader --Node --states=drained --format=%N 2>>log); do
+        echo "$node was drained: $(sinfo --noheader --Node --nodes="$node" --format=%E)"
+        scontrol update nodename="$node" state=resume 2>>log || true  # it may have been given back since
+    done
+}
+at_rest() { undrain && squeue >/dev/null 2>>log && [[ $(count "$1" running) == 0 && $(count "$1" queued) == 0 ]]; }
 
 small_dem 60 > hills.asc
 "$gnomon" bake hills.asc -o hills.world --chunk 160 --sun 135,40 >log 2>&1
@@ -71,6 +80,7 @@ done_then=$(count cluster done)
 wait_for 20 "the controller does not die" '! grep -q "^State:.[^ZX]" "/proc/$controller/status" 2>/dev/null'
 slurmctld && node_start n2 || fail "the daemons do not start again"
 wait_for 30 "the controller does not start again" 'squeue >/dev/null 2>&1'
+scontrol update nodename=n1 state=drain reason=planted  # at least one
 wait_for 240 "the cluster is not at rest" 'at_rest cluster'
 resumed=0
 until [[ $(count cluster done) == 48 ]]; do

@@ -154,6 +154,8 @@ TEST_F(SweepRun, WhatIsInterruptedOrKilledIsResumed) {
     const std::vector<State> left = states(sweep);
     EXPECT_EQ(std::count(left.begin(), left.end(), State::kFailed), 0);
     for (const std::string& name : shardFiles()) EXPECT_TRUE(name.ends_with(".sqlite")) << name;
+    // A signal that comes while the parent is not waiting for it, since it is stopped, is for any of its threads that does not block it.
+    expect("rm -rf s\n" + begin + "kill -STOP $p; kill -TERM $p; kill -CONT $p; wait $p; s=$?; cat out; exit $s", 1, "interrupted; gnomon sweep resume");
     // A child that is killed is a failure that is told, and the others go on.
     expect("rm -rf s\n" + begin + "kill -9 $(cat /proc/$p/task/$p/children); wait $p; s=$?; cat out; exit $s", 1, "ended by signal 9");
     EXPECT_EQ(states(opened()), (std::vector<State>{State::kFailed, State::kDone, State::kDone}));
@@ -163,6 +165,27 @@ TEST_F(SweepRun, WhatIsInterruptedOrKilledIsResumed) {
            1, "0 done, 0 running, 0 queued, 0 failed, 3 lost");
     expect("$gnomon sweep resume s", 0, "3 done");
     for (const std::string& name : shardFiles()) EXPECT_TRUE(name.ends_with(".sqlite")) << name;
+}
+
+// Programs of Slurm's names in place of Slurm, whose answers these are; tests/sweep_slurm_test.sh has the real ones.
+TEST_F(SweepRun, WhatSlurmCouldNotLaunchIsLostAndLeavesItsQueueWhenResumed) {
+    putPlan("resolution = [64, 128, 256, 512]\n");
+    const auto fake = [&](const std::string& name, const std::string& body) {
+        put("bin/" + name, "#!/bin/sh\n" + body);
+        fs::permissions(folder_ / "bin" / name, fs::perms::owner_all);
+    };
+    fs::create_directory(folder_ / "bin");
+    fake("sbatch", "echo \"$@\" >>asked\necho $((6 + $(wc -l <asked)))\n");
+    fake("squeue", "printf '7 0 RUNNING None\\n7 1 PENDING launch failed requeued held\\n7 2 PENDING JobHeldUser\\n7 3 PENDING Resources\\n9 0 PENDING None\\n'\n");
+    fake("scancel", "echo \"$@\" >>cancelled\n");
+    const std::string path = "PATH=$PWD/bin:$PATH; ";
+    expect(path + "$gnomon sweep plan.toml -o s --slurm", 0, "4 shards of 4 are in Slurm's hands, job 7");
+    expect(path + "$gnomon sweep status s", 1, "0 done, 1 running, 2 queued, 0 failed, 1 lost\nlost 1, ");
+    expect(path + "$gnomon sweep resume s", 0, "1 shards of 4 are in Slurm's hands, job 8");
+    expect("cat cancelled; tail -n 1 asked", 0, "7_1\n--parsable");
+    expect("tail -n 1 asked", 0, " --array=1 ");
+    fake("scancel", "echo scancel: not now >&2; exit 1\n");
+    expect(path + "$gnomon sweep resume s", 3, "scancel: not now");
 }
 
 TEST_F(SweepRun, AnAttemptIsSeenWhileItLivesAndNeverTakenForResults) {

@@ -81,6 +81,48 @@ Result<std::string> submitOne(const Sweep& sweep, const std::vector<size_t>& tas
     return id;
 }
 
+/// A task that squeue lists.
+struct Entry {
+    std::string job;
+    size_t task = 0, shard = 0;
+    std::string state, reason;
+    /// Slurm could not begin it, put it back, and will not try again by itself.
+    bool held() const { return state == "PENDING" && (reason.starts_with("launch failed") || reason.starts_with("launch_failed")); }
+};
+
+Result<std::vector<Entry>> askEntries(const Sweep& sweep) {
+    std::vector<Entry> entries;
+    const std::vector<Job> jobs = sweep.jobs();
+    if (jobs.empty()) return entries;
+    const auto answer = said("squeue", "--noheader --array --name=" + jobName(sweep) + " --format='%F %K %T %r'");
+    if (!answer) return answer.error();
+    std::istringstream lines(answer.value());
+    for (std::string line; std::getline(lines, line);) {
+        Entry entry;
+        std::istringstream words(line);
+        if (!(words >> entry.job >> entry.task >> entry.state)) continue;
+        std::getline(words >> std::ws, entry.reason);
+        const auto job = std::find_if(jobs.begin(), jobs.end(), [&](const Job& j) { return j.id == entry.job; });
+        if (job == jobs.end()) continue;
+        entry.shard = job->base + entry.task;
+        entries.push_back(std::move(entry));
+    }
+    return entries;
+}
+
+/// Takes what Slurm holds of these shards out of its queue.
+Result<Done> cancelHeld(const Sweep& sweep, const std::vector<size_t>& shards) {
+    const auto entries = askEntries(sweep);
+    if (!entries) return entries.error();
+    std::string tasks;
+    for (const Entry& entry : entries.value())
+        if (entry.held() && std::binary_search(shards.begin(), shards.end(), entry.shard))
+            tasks.append(" ").append(entry.job).append("_").append(std::to_string(entry.task));
+    if (tasks.empty()) return Done{};
+    if (const auto cancelled = said("scancel", tasks); !cancelled) return cancelled.error();
+    return Done{};
+}
+
 }  // namespace
 
 std::string ranges(const std::vector<size_t>& numbers) {
@@ -95,6 +137,7 @@ std::string ranges(const std::vector<size_t>& numbers) {
 }
 
 Result<std::vector<std::string>> submit(const Sweep& sweep, const std::vector<size_t>& shards) {
+    if (const auto cancelled = cancelHeld(sweep, shards); !cancelled) return cancelled.error();
     std::vector<std::string> ids;
     for (size_t k = 0; k < shards.size();) {
         const size_t base = shards[k] / kArray * kArray;
@@ -109,18 +152,13 @@ Result<std::vector<std::string>> submit(const Sweep& sweep, const std::vector<si
 }
 
 Result<Queue> askQueue(const Sweep& sweep) {
+    const auto entries = askEntries(sweep);
+    if (!entries) return entries.error();
     Queue queue;
-    const std::vector<Job> jobs = sweep.jobs();
-    if (jobs.empty()) return queue;
-    const auto answer = said("squeue", "--noheader --array --name=" + jobName(sweep) + " --format='%F %K %T'");
-    if (!answer) return answer.error();
-    std::istringstream lines(answer.value());
-    std::string id, state;
-    for (size_t task = 0; lines >> id >> task >> state;) {
-        const auto job = std::find_if(jobs.begin(), jobs.end(), [&](const Job& j) { return j.id == id; });
-        if (job == jobs.end()) continue;
-        const bool waits = state == "PENDING" || state == "CONFIGURING" || state.starts_with("REQUEUE");
-        queue[job->base + task] = waits ? State::kQueued : State::kRunning;
+    for (const Entry& entry : entries.value()) {
+        if (entry.held()) continue;
+        const bool waits = entry.state == "PENDING" || entry.state == "CONFIGURING" || entry.state.starts_with("REQUEUE");
+        queue[entry.shard] = waits ? State::kQueued : State::kRunning;
     }
     return queue;
 }
