@@ -39,6 +39,8 @@ using world::Result;
 constexpr size_t kPoints = 1'000'000;  ///< of a question
 constexpr size_t kStretch = 30;        ///< frames
 constexpr size_t kPace = 60;           ///< poses of one session's stretch
+constexpr size_t kRefused = 2000, kRefusedRested = 200;  ///< frames that draw nothing
+constexpr std::chrono::milliseconds kRest{6};            ///< between such: about what a drawn frame takes
 constexpr double kStartSeconds = 30;   ///< for the service to come up
 constexpr double kReach = 80;          ///< points lie so far from the eye [m]
 constexpr double kOverheadMs = 0.5, kPointsPerSecond = 1e6, kFair = 2, kGrowth = 1.05;
@@ -169,6 +171,12 @@ Result<ServiceCost> measureService(const std::string& world, std::span<const wor
                 if (&lane.times == &cost.watched) seen = board.news(watchedId, seen)->frames.back().number;
             }
         }
+    const v1::Frame nowhere;  // without a camera: it is refused, and what it takes is the way there and back
+    for (size_t k = 0; k < kRefused + kRefusedRested; ++k) {
+        const bool rested = k >= kRefused;
+        if (rested) std::this_thread::sleep_for(kRest);
+        if (const auto reply = timed(rested ? cost.refusedRested : cost.refused, [&] { return wired.value()->frame(nowhere); }); !reply) return reply.error();
+    }
     v1::QueryShadowRequest query;
     query.set_points(pointsAround(poses.back().position));
     cost.points = kPoints;
@@ -188,7 +196,9 @@ std::string serviceText(const ServiceCost& cost) {
     };
     const auto rate = [&](const std::vector<double>& ms) { return double(cost.points) / median(ms) / 1e3; };
     return format("median of %zu frames\n", cost.direct.all.size()) + row("in process", cost.direct) + row("on the live board", cost.shown) +
-           row("watched there", cost.watched) + row("served", cost.served) + format("median of %zu questions of %zu points\n", cost.directQuery.size(), cost.points) +
+           row("watched there", cost.watched) + row("served", cost.served) +
+           format("served, refused, one after the other %6.3f ms\nserved, refused, with a rest between %6.3f ms\n", median(cost.refused), median(cost.refusedRested)) +
+           format("median of %zu questions of %zu points\n", cost.directQuery.size(), cost.points) +
            format("in process                         %8.2f million points a second\n", rate(cost.directQuery)) +
            format("served                             %8.2f million points a second\n", rate(cost.servedQuery));
 }

@@ -22,6 +22,7 @@ struct FrameTimes {
 
 struct ServiceCost {
     FrameTimes direct, shown, watched, served;  ///< in process, on a live board, watched there, and by `gnomon serve`
+    std::vector<double> refused, refusedRested;  ///< served frames that draw nothing, at once and after a rest [ms]
     std::vector<double> directQuery, servedQuery;  ///< questions of `points` points [ms]
     size_t points = 0;
 };
