@@ -14,8 +14,8 @@ using cache::RectSet;
 using cache::Texel;
 using cache::TexelRect;
 
-constexpr int kSide = 48;
-using Bitmap = std::array<std::array<int, kSide>, kSide>;
+constexpr int kGrid = 48;
+using Bitmap = std::array<std::array<int, kGrid>, kGrid>;
 
 void paint(Bitmap& map, const TexelRect& r, int add) {
     for (int64_t y = r.min.y; y < r.max.y; ++y)
@@ -23,7 +23,7 @@ void paint(Bitmap& map, const TexelRect& r, int add) {
 }
 
 TexelRect randomRect(std::mt19937& rng) {
-    std::uniform_int_distribution<int64_t> at(0, kSide);
+    std::uniform_int_distribution<int64_t> at(0, kGrid);
     const int64_t a = at(rng), b = at(rng), c = at(rng), d = at(rng);
     return {{std::min(a, b), std::min(c, d)}, {std::max(a, b), std::max(c, d)}};
 }
@@ -58,8 +58,8 @@ TEST(RectSet, MergedAdditionCoversAllAndStaysDisjoint) {
             paint(wanted, r, 1);
             Bitmap held{};
             for (const TexelRect& s : set.rects()) paint(held, s, 1);
-            for (size_t y = 0; y < kSide; ++y)
-                for (size_t x = 0; x < kSide; ++x) {
+            for (size_t y = 0; y < kGrid; ++y)
+                for (size_t x = 0; x < kGrid; ++x) {
                     ASSERT_LE(held[y][x], 1) << "overlap, round " << round;
                     ASSERT_TRUE(held[y][x] == 1 || !wanted[y][x]) << "hole, round " << round;
                 }

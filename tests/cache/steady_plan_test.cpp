@@ -9,7 +9,7 @@
 
 namespace {
 
-constexpr int kSide = 256;
+constexpr int kMapSide = 256;
 
 /// A field of boxes, 2 m apart, `edge` of them a side, and some that move in its middle.
 struct Field {
@@ -42,7 +42,7 @@ struct Field {
     }
 
     tests::ToyScene scene;
-    cache::ShadowCache cache{scene.light.cascades(), {.side = kSide, .scene = {-100, 200}}};
+    cache::ShadowCache cache{scene.light.cascades(), {.side = kMapSide, .scene = {-100, 200}}};
     cache::FramePlan plan;
     std::vector<cache::CascadeStatistics> statistics;
     std::vector<world::Box> dirt;

@@ -14,7 +14,7 @@ using culling::Coverage;
 using culling::kSnapTexels;
 using culling::PlacedTriangle;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kFarOff = std::numeric_limits<double>::infinity();
 
 /// What triangles of one caster prove at texel (0, 0), whose centre is (0.5, 0.5).
 double provenAt(std::initializer_list<PlacedTriangle> triangles, double margin) {
@@ -34,7 +34,7 @@ TEST(Coverage, AGrantedTexelStaysInsideWhenCornersSnap) {
         for (auto& corner : t) corner = {place(rng), place(rng), depth(rng)};
         const glm::dvec2 p(0.5, 0.5);
         const double bound = provenAt({t}, kSnapTexels);
-        if (bound == kInfinity) continue;
+        if (bound == kFarOff) continue;
         ++granted;
         for (int trial = 0; trial < 4; ++trial) {
             PlacedTriangle snapped = t;
@@ -94,7 +94,7 @@ TEST(Coverage, SpansProveWhatTexelsOneByOneProve) {
                 // decides, either answer is right.
                 const glm::dvec2 p(x + 0.5, y + 0.5);
                 const auto expected = [&](double margin, bool join) {
-                    std::pair<double, world::CasterId> best(kInfinity, 0);
+                    std::pair<double, world::CasterId> best(kFarOff, 0);
                     for (size_t c = 0; c < heap.casters.size(); ++c)
                         for (const PlacedTriangle& t : heap.casters[c])
                             if (const auto d = tests::coveredDepth(t, p, margin, join ? std::span(heap.casters[c]) : std::span<const PlacedTriangle>());
@@ -109,8 +109,8 @@ TEST(Coverage, SpansProveWhatTexelsOneByOneProve) {
                     continue;
                 }
                 const double depth = coverage.depth({x, y});
-                if (wide.first == kInfinity) {
-                    ASSERT_EQ(depth, kInfinity) << "step " << step << " texel " << x << ' ' << y;
+                if (wide.first == kFarOff) {
+                    ASSERT_EQ(depth, kFarOff) << "step " << step << " texel " << x << ' ' << y;
                     continue;
                 }
                 ++proven;
@@ -151,7 +151,7 @@ TEST(Coverage, ASharedEdgeCoversAndAFoldOrAGapDoesNot) {
     const PlacedTriangle apart{glm::dvec3(2, -1, 5 + 1e-9), {2, 2, 7}, {-1, 2, 5}};
     const PlacedTriangle folded{glm::dvec3(2, -1, 5), {-2, -1.5, 7}, {-1, 2, 5}};
     const auto proven = [](std::initializer_list<PlacedTriangle> triangles) {
-        return provenAt(triangles, 0.01) < kInfinity;
+        return provenAt(triangles, 0.01) < kFarOff;
     };
     EXPECT_GE(provenAt({left, right}, 0.01), 5);
     EXPECT_TRUE(proven({left, right}));
@@ -169,12 +169,12 @@ TEST(Coverage, ASharedEdgeCoversAndAFoldOrAGapDoesNot) {
     coverage.add(0, left, 0.01);
     coverage.add(1, right, 0.01);
     coverage.join();
-    EXPECT_EQ(coverage.depth({0, 0}), kInfinity);
+    EXPECT_EQ(coverage.depth({0, 0}), kFarOff);
 }
 
 TEST(Coverage, ATriangleSeenEdgeOnGrantsNothing) {
     const PlacedTriangle wall{glm::dvec3(0, 0.5, 1), {4, 0.5, 2}, {2, 0.5, 3}};
-    EXPECT_EQ(provenAt({wall, wall}, 0.01), kInfinity);
+    EXPECT_EQ(provenAt({wall, wall}, 0.01), kFarOff);
     EXPECT_TRUE(std::isinf(culling::depthSlope(wall)));
 }
 
@@ -197,7 +197,7 @@ TEST(Coverage, FarAwayCornersReachNoInt) {
     const PlacedTriangle vast{glm::dvec3(-1e12, -1e12, 4), {1e12, -1e12, 4}, {0, 1e12, 4}};
     EXPECT_NEAR(provenAt({vast}, 0.01), 4, 1e-6);
     const PlacedTriangle gone{glm::dvec3(1e12, 1e12, 4), {2e12, 1e12, 4}, {1e12, 2e12, 4}};
-    EXPECT_EQ(provenAt({gone}, 0.01), kInfinity);
+    EXPECT_EQ(provenAt({gone}, 0.01), kFarOff);
 }
 
 }  // namespace

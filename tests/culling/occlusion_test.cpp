@@ -16,7 +16,7 @@ using tests::SoftMaps;
 using tests::ToyScene;
 
 constexpr int kSide = 96;
-const std::vector<culling::Cascade> kCascades{{4.4, 0.1}, {17.6, 0.4}};
+const std::vector<culling::Cascade> kTwoCascades{{4.4, 0.1}, {17.6, 0.4}};
 
 constexpr uint64_t kUnlimited = std::numeric_limits<uint64_t>::max();
 
@@ -25,7 +25,7 @@ culling::OcclusionConfig configured(uint32_t rays, bool sticky = false) { return
 /// Sheets and boxes in layers over each other, so that much is hidden, at random angles.
 struct Layers {
     explicit Layers(uint32_t seed, glm::dvec3 at = glm::dvec3(0), bool sticky = false)
-        : scene(glm::dvec3(0.35, -1, 0.2), kCascades), rng(seed), origin(at) {
+        : scene(glm::dvec3(0.35, -1, 0.2), kTwoCascades), rng(seed), origin(at) {
         const auto sheet = scene.addMesh(tests::sheetMesh(9, 6));
         const auto box = scene.addMesh(tests::boxMesh({1, 1, 1}));
         const auto small = scene.addMesh(tests::sheetMesh(1.5, 3));
@@ -37,7 +37,7 @@ struct Layers {
         occlusion = std::make_unique<culling::Occlusion>(scene.table, scene.light, configured(4096, sticky));
     }
     void await() {
-        for (int c = 0; c < int(kCascades.size()); ++c) occlusion->await(c, ids);
+        for (int c = 0; c < int(kTwoCascades.size()); ++c) occlusion->await(c, ids);
     }
     culling::CertifyCosts certify() {
         await();
@@ -52,7 +52,7 @@ struct Layers {
         p.linear = x * z;
         return p;
     }
-    cache::ShadowCache makeCache() const { return {kCascades, {.side = kSide, .scene = {depthNear, 100}}}; }
+    cache::ShadowCache makeCache() const { return {kTwoCascades, {.side = kSide, .scene = {depthNear, 100}}}; }
 
     ToyScene scene;
     std::mt19937 rng;
@@ -66,10 +66,10 @@ struct Layers {
 std::vector<SoftMaps::Maps> drawn(const Layers& l, bool hide, uint64_t* hidden = nullptr) {
     cache::ShadowCache cache = l.makeCache();
     cache::FramePlan plan;
-    plan.reset(kCascades.size());
+    plan.reset(kTwoCascades.size());
     std::vector<cache::CascadeStatistics> statistics;
     cache.plan(l.scene.view(hide ? l.occlusion.get() : nullptr), {}, {.eye = l.eye}, plan, statistics);
-    SoftMaps maps(l.scene, kCascades.size(), kSide);
+    SoftMaps maps(l.scene, kTwoCascades.size(), kSide);
     maps.execute(plan);
     if (hidden)
         for (const auto& s : statistics) *hidden += s.clustersHidden;
@@ -92,7 +92,7 @@ TEST(Occlusion, EmbreeFindsNoOpeningOverWhatIsHidden) {
     for (uint32_t seed = 1; seed <= 6; ++seed) {
         Layers l(seed, seed % 2 ? glm::dvec3(0) : glm::dvec3(1e6, 0, -6e6));
         l.certify();
-        for (int c = 0; c < int(kCascades.size()); ++c) {
+        for (int c = 0; c < int(kTwoCascades.size()); ++c) {
             std::vector<culling::Footprint> covered, others;
             for (const culling::Footprint& f : culling::footprints(l.scene.table, l.scene.light, c, l.ids, 4096))
                 (l.occlusion->hidden(c, f.caster, f.cluster) ? covered : others).push_back(f);
@@ -132,7 +132,7 @@ TEST(Occlusion, ASearchInPiecesKeepsItsShareAndFindsTheSame) {
     EXPECT_EQ(sum.clustersTested, all.clustersTested);
     EXPECT_EQ(sum.certificates, all.certificates);
     EXPECT_GT(all.certificates, 0u);
-    for (int c = 0; c < int(kCascades.size()); ++c)
+    for (int c = 0; c < int(kTwoCascades.size()); ++c)
         for (world::CasterId id : pieces.ids)
             for (uint32_t k = 0; k < pieces.scene.light.rects(id, c).size(); ++k)
                 EXPECT_EQ(pieces.occlusion->hidden(c, id, k), whole.occlusion->hidden(c, id, k));
@@ -155,9 +155,9 @@ bool survivesDepartures(Layers& l, size_t& revocations) {
     l.certify();
     cache::ShadowCache cache = l.makeCache();
     cache::FramePlan plan;
-    plan.reset(kCascades.size());
+    plan.reset(kTwoCascades.size());
     std::vector<cache::CascadeStatistics> statistics;
-    SoftMaps maps(l.scene, kCascades.size(), kSide);
+    SoftMaps maps(l.scene, kTwoCascades.size(), kSide);
     cache.plan(l.scene.view(l.occlusion.get()), {}, {.eye = l.eye}, plan, statistics);
     maps.execute(plan);
     std::vector<world::CasterId> left = l.ids;
@@ -168,7 +168,7 @@ bool survivesDepartures(Layers& l, size_t& revocations) {
         revocations += l.occlusion->remove(std::span(&id, 1));
         const std::vector<cache::Departure> departures{{l.scene.light[id].bounds, cache::Cause::kDeparture}};
         l.scene.statics.remove(id);
-        plan.reset(kCascades.size());
+        plan.reset(kTwoCascades.size());
         cache.plan(l.scene.view(l.occlusion.get()), {departures, {}, {}}, {.eye = l.eye}, plan, statistics);
         maps.execute(plan);
         if (maps.maps() != drawn(l, false)) return false;
@@ -200,7 +200,7 @@ TEST(Occlusion, IsTheSameForAnyNumberOfThreads) {
         Layers l(8);
         rays.push_back(l.certify().rays);
         std::vector<glm::uvec3> hidden;
-        for (int c = 0; c < int(kCascades.size()); ++c)
+        for (int c = 0; c < int(kTwoCascades.size()); ++c)
             for (world::CasterId id : l.ids)
                 for (uint32_t k = 0; k < l.scene.light.rects(id, c).size(); ++k)
                     if (l.occlusion->hidden(c, id, k)) hidden.push_back({uint32_t(c), id, k});
@@ -214,7 +214,7 @@ TEST(Occlusion, IsTheSameForAnyNumberOfThreads) {
 }
 
 TEST(Occlusion, TwinsInOnePlaceHideNeitherEachOtherNorThemselves) {
-    ToyScene scene(glm::dvec3(0, -1, 0), kCascades);
+    ToyScene scene(glm::dvec3(0, -1, 0), kTwoCascades);
     const auto sheet = scene.addMesh(tests::sheetMesh(2, 4));
     const std::vector<world::CasterId> ids{scene.addStatic(sheet, tests::placedAt(glm::dvec3(0))),
                                            scene.addStatic(sheet, tests::placedAt(glm::dvec3(0)))};
@@ -226,7 +226,7 @@ TEST(Occlusion, TwinsInOnePlaceHideNeitherEachOtherNorThemselves) {
 }
 
 TEST(Occlusion, ABudgetTooSmallForAFootprintDrawsIt) {
-    ToyScene scene(glm::dvec3(0.3, -1, 0.1), kCascades);
+    ToyScene scene(glm::dvec3(0.3, -1, 0.1), kTwoCascades);
     const auto roof = scene.addMesh(tests::sheetMesh(16, 4));
     const auto box = scene.addMesh(tests::boxMesh({1, 1, 1}));
     const std::vector<world::CasterId> ids{scene.addStatic(roof, tests::placedAt({0, 5, 0})),

@@ -142,16 +142,16 @@ glm::dvec3 wayThrough(const View& view, double x, double y) {
 void expectAgreement(const Formula& formula, const glm::dvec3& eye, const glm::dvec3& target, const glm::dvec3& sun,
                      std::initializer_list<Sunlight> mustOccur) {
     constexpr int kWidth = 243, kHeight = 162;  // no multiples of a packet
-    constexpr double kFar = 80;
+    constexpr double kReach = 80;
     for (const glm::dvec3& place : kPlaces) {
         Traced traced(formula, place);
         const View view = looking(eye, target, place);
-        const auto frame = traced.truth->trace(view, kWidth, kHeight, kFar, sun);
+        const auto frame = traced.truth->trace(view, kWidth, kHeight, kReach, sun);
         ASSERT_TRUE(frame) << frame.error().what;
         std::vector<Sunlight> expected;
         for (int y = 0; y < kHeight; ++y)
             for (int x = 0; x < kWidth; ++x)
-                expected.push_back(formula.state(eye, wayThrough(view, (x + 0.5) / kWidth, (y + 0.5) / kHeight), kFar,
+                expected.push_back(formula.state(eye, wayThrough(view, (x + 0.5) / kWidth, (y + 0.5) / kHeight), kReach,
                                                  glm::normalize(sun)));
         int differing = 0;
         for (int y = 1; y + 1 < kHeight; ++y)

@@ -10,7 +10,7 @@
 
 namespace {
 
-constexpr double kNear = 0.2, kFar = 300;
+constexpr double kFront = 0.2, kBack = 300;
 /// All there is around an eye.
 world::Box sceneAt(glm::dvec3 eye) { return {eye - glm::dvec3(900, 70, 900), eye + glm::dvec3(900, 50, 900)}; }
 
@@ -27,7 +27,7 @@ std::vector<culling::ShadowView> facetsOf(int facets, const culling::LightSpace&
     culling::ShadowMethod method = culling::methodNamed("facetted-" + std::to_string(facets)).value();
     culling::View camera;
     camera.eye = eye;
-    return culling::viewsOf(method, light, camera, kNear, kFar, sceneAt(camera.eye));
+    return culling::viewsOf(method, light, camera, kFront, kBack, sceneAt(camera.eye));
 }
 
 TEST(Facets, WarpTheirEdgeToTheMaps) {
@@ -38,7 +38,7 @@ TEST(Facets, WarpTheirEdgeToTheMaps) {
         ASSERT_EQ(views.size(), size_t(count));
         // The first facet's middle is light space's x, and its rectangle ends at D.
         const double edge = views[0].high.x - eyeLight.x;
-        EXPECT_GT(edge, kFar);
+        EXPECT_GT(edge, kBack);
         const double scale = count == 5 ? std::cos(std::numbers::pi / 5) : 1;  // a pentagon's corner reaches farther
         double reach = 0;
         for (int i = 0; i < count; ++i) {
@@ -77,7 +77,7 @@ TEST(Facets, AgreeWithTheirNeighboursWhereTheyMeet) {
             for (int i = 0; i < count; ++i) {
                 const double border = 2 * std::numbers::pi * (i + 0.5) / count;
                 for (int n = 0; n < 20; ++n) {
-                    const double away = kFar * std::abs(unit(rng));
+                    const double away = kBack * std::abs(unit(rng));
                     const glm::dvec3 p =
                         eyeLight + glm::dvec3(std::cos(border) * away, std::sin(border) * away, 40 * unit(rng));
                     const glm::dvec4 a = clip(views[size_t(i)], p), b = clip(views[size_t((i + 1) % count)], p);
@@ -96,7 +96,7 @@ TEST(Facets, CoverThePlaneOnce) {
     for (const int count : {4, 5, 8}) {
         const auto views = facetsOf(count, light, eye);
         for (int n = 0; n < 5000; ++n) {
-            const glm::dvec3 p = eyeLight + glm::dvec3(unit(rng), unit(rng), 0) * kFar;
+            const glm::dvec3 p = eyeLight + glm::dvec3(unit(rng), unit(rng), 0) * kBack;
             // Nearest middle: the article's own choice.
             int nearest = 0;
             double most = -1e30;
@@ -145,8 +145,8 @@ TEST(Lispsm, IsThePlainMapWhenTheViewIsAlongTheLight) {
     plain.side = 8192;  // its margin of 4 texels is a thousandth
     culling::ShadowMethod warped = culling::methodNamed("lispsm").value();
     const culling::View camera = looking(light, 0);
-    const auto flat = culling::viewsOf(plain, light, camera, kNear, kFar, sceneAt(camera.eye));
-    const auto bent = culling::viewsOf(warped, light, camera, kNear, kFar, sceneAt(camera.eye));
+    const auto flat = culling::viewsOf(plain, light, camera, kFront, kBack, sceneAt(camera.eye));
+    const auto bent = culling::viewsOf(warped, light, camera, kFront, kBack, sceneAt(camera.eye));
     std::mt19937 rng(9);
     std::uniform_real_distribution<double> unit(-1, 1);
     for (int n = 0; n < 100; ++n) {
@@ -163,14 +163,14 @@ TEST(Lispsm, WarpsByItsFormula) {
     double previous = 1;
     for (const double angle : {0.05, 0.3, 0.8, std::numbers::pi / 2}) {
         const culling::View camera = looking(light, angle);
-        const auto views = culling::viewsOf(method, light, camera, kNear, kFar, sceneAt(camera.eye));
+        const auto views = culling::viewsOf(method, light, camera, kFront, kBack, sceneAt(camera.eye));
         ASSERT_EQ(views.size(), 1u);
         double first = 1e30, last = -1e30;  // along light space's x, which is where the view goes
-        for (const glm::dvec3& corner : culling::cornersOf(culling::pyramidOf(light, camera), kNear, kFar)) {
+        for (const glm::dvec3& corner : culling::cornersOf(culling::pyramidOf(light, camera), kFront, kBack)) {
             first = std::min(first, corner.x);
             last = std::max(last, corner.x);
         }
-        const double n = (kNear + std::sqrt(kNear * kFar)) / std::sin(angle);
+        const double n = (kFront + std::sqrt(kFront * kBack)) / std::sin(angle);
         const double y = light.toLight(camera.eye).y;
         EXPECT_NEAR(clip(views[0], {first, y, 0}).w, 1, 1e-9);
         EXPECT_NEAR(clip(views[0], {last, y, 0}).w, (n + last - first) / n, 1e-9 * last / n + 1e-9);

@@ -8,21 +8,21 @@
 
 namespace {
 
-std::atomic<int64_t> held = 0;
+std::atomic<int64_t> heldBytes = 0;
 
 void release(void* memory) {
-    held -= static_cast<int64_t>(malloc_usable_size(memory));
+    heldBytes -= static_cast<int64_t>(malloc_usable_size(memory));
     std::free(memory);
 }
 
 }  // namespace
 
-int64_t tests::allocatedBytes() { return held; }
+int64_t tests::allocatedBytes() { return heldBytes; }
 
 /// The library's own would do, but for a sanitizer that has one too.
 void* operator new(std::size_t bytes, const std::nothrow_t&) noexcept {
     void* const memory = std::malloc(bytes);
-    if (memory != nullptr) held += static_cast<int64_t>(malloc_usable_size(memory));
+    if (memory != nullptr) heldBytes += static_cast<int64_t>(malloc_usable_size(memory));
     return memory;
 }
 void* operator new(std::size_t bytes) {

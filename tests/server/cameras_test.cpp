@@ -18,11 +18,8 @@ using server::FrameReport;
 using server::MapSettings;
 using server::ShadowConfig;
 using server::ShadowSystem;
-
-const world::WorldStore& streets() {
-    static const world::WorldStore store = tests::baked(tests::streets(glm::dvec3(0)), "cameras.world");
-    return store;
-}
+using tests::streetsWorld;
+using tests::systemOn;
 
 ShadowConfig config(int cameras) {
     ShadowConfig config;
@@ -33,12 +30,6 @@ ShadowConfig config(int cameras) {
     config.restSeconds = 0.2;
     config.geometryBytes = 16 << 20;
     return config;
-}
-
-std::unique_ptr<ShadowSystem> make(const ShadowConfig& c) {
-    auto system = ShadowSystem::create(tests::validatedDevice(), streets(), c);
-    EXPECT_TRUE(system) << system.error().what;
-    return std::move(system.value());
 }
 
 /// One walks, one circles and jumps, one stands; further ones stand elsewhere.
@@ -87,12 +78,12 @@ void expectExact(ShadowSystem& system) {
 }
 
 TEST(Cameras, EachHasTheMapsThatItWouldHaveAlone) {
-    const auto together = make(config(3));
+    const auto together = systemOn(streetsWorld(), config(3));
     Party all(*together, {0, 1, 2});
     std::vector<std::unique_ptr<ShadowSystem>> alone;
     std::vector<Party> single;
     for (int k = 0; k < 3; ++k) {
-        alone.push_back(make(config(1)));
+        alone.push_back(systemOn(streetsWorld(), config(1)));
         single.emplace_back(*alone.back(), std::vector<int>{k});
     }
     ASSERT_EQ(together->cascades(), 9);
@@ -121,7 +112,7 @@ TEST(Cameras, EachHasTheMapsThatItWouldHaveAlone) {
 TEST(Cameras, ShareWhatTheySeeAlike) {
     std::vector<uint64_t> resident, geometry;
     for (const int count : {1, 2, 4, 8}) {
-        const auto system = make(config(count));
+        const auto system = systemOn(streetsWorld(), config(count));
         std::vector<Camera> others(size_t(count) - 1, cameraAt(0, 0));
         for (size_t k = 0; k < others.size(); ++k) others[k].orientation = glm::angleAxis(double(k), glm::dvec3(0, 1, 0));
         FrameReport report;
@@ -138,19 +129,19 @@ TEST(Cameras, ShareWhatTheySeeAlike) {
 }
 
 TEST(Cameras, FarApartEachNeedsItsOwn) {
-    const auto system = make(config(2));
+    const auto system = systemOn(streetsWorld(), config(2));
     Camera far = cameraAt(0, 0);
     far.position.x += 80;
     const uint64_t both = system->advance({0, cameraAt(0, 0), {}, glm::dvec3(0), std::span(&far, 1)}).value().residentBytes;
-    const uint64_t one = make(config(1))->advance({0, cameraAt(0, 0), {}}).value().residentBytes;
-    const uint64_t other = make(config(1))->advance({0, far, {}}).value().residentBytes;
+    const uint64_t one = systemOn(streetsWorld(), config(1))->advance({0, cameraAt(0, 0), {}}).value().residentBytes;
+    const uint64_t other = systemOn(streetsWorld(), config(1))->advance({0, far, {}}).value().residentBytes;
     EXPECT_GT(both, one);
     EXPECT_GT(both, other);
     EXPECT_LE(both, one + other);
 }
 
 TEST(Cameras, ABudgetIsSharedAndNobodyStarves) {
-    const auto system = make(config(3));
+    const auto system = systemOn(streetsWorld(), config(3));
     Party party(*system, {0, 1, 2});
     party.step();
     constexpr uint64_t kTexels = 3000;
@@ -178,7 +169,7 @@ TEST(Cameras, ABudgetIsSharedAndNobodyStarves) {
 }
 
 TEST(Cameras, OneTriangleAFrameServesThemInTurn) {
-    const auto system = make(config(3));
+    const auto system = systemOn(streetsWorld(), config(3));
     Party party(*system, {0, 1, 2});
     party.hold();
     ASSERT_TRUE(system->setBudget({.triangles = 1}));
@@ -191,7 +182,7 @@ TEST(Cameras, OneTriangleAFrameServesThemInTurn) {
 }
 
 TEST(Cameras, ComeAndGoWhileTheFirstKeepTheirMaps) {
-    const auto system = make(config(2));
+    const auto system = systemOn(streetsWorld(), config(2));
     Party party(*system, {2, 3});
     party.step();
     MapSettings settings = system->config();
@@ -220,7 +211,7 @@ TEST(Cameras, ComeAndGoWhileTheFirstKeepTheirMaps) {
 TEST(Cameras, FollowASteppingSun) {
     ShadowConfig moving = config(2);
     moving.movingSun = true;
-    const auto system = make(moving);
+    const auto system = systemOn(streetsWorld(), moving);
     Party party(*system, {0, 1});
     glm::dvec3 sun = glm::normalize(glm::dvec3(0.5, -0.9, 0.3));
     uint64_t steps = 0;
@@ -237,11 +228,11 @@ TEST(Cameras, FollowASteppingSun) {
 }
 
 TEST(Cameras, AnswerForThemselves) {
-    const auto system = make(config(3));
+    const auto system = systemOn(streetsWorld(), config(3));
     Party party(*system, {2, 3, 4});
     party.hold();
     party.step();
-    const tests::WorldTriangles triangles = tests::trianglesOf(streets());
+    const tests::WorldTriangles triangles = tests::trianglesOf(streetsWorld());
     for (int camera = 0; camera < 3; ++camera) {
         const glm::dvec3 eye = cameraAt(camera + 2, 0).position;
         std::vector<glm::dvec3> points;
@@ -272,7 +263,7 @@ TEST(Cameras, AnswerForThemselves) {
 }
 
 TEST(Cameras, AFrameNamesTheOneThatIsWrong) {
-    const auto system = make(config(2));
+    const auto system = systemOn(streetsWorld(), config(2));
     Camera bad = cameraAt(1, 0);
     const auto missing = system->advance({0, cameraAt(0, 0), {}});
     ASSERT_FALSE(missing);
@@ -289,7 +280,7 @@ TEST(Cameras, SamePlansForAnyNumberOfThreads) {
     std::vector<std::vector<uint64_t>> hashes;
     for (const size_t threads : {1, 3}) {
         const tbb::global_control control(tbb::global_control::max_allowed_parallelism, threads);
-        const auto system = make(config(3));
+        const auto system = systemOn(streetsWorld(), config(3));
         Party party(*system, {0, 1, 2});
         hashes.emplace_back();
         for (int frame = 0; frame < 20; ++frame) hashes.back().push_back(party.step().planHash);

@@ -8,34 +8,34 @@
 
 namespace {
 
-constexpr int kSide = 32;  ///< voxels along a chunk
-constexpr double kVoxel = 2;
-constexpr double kEdge = kSide * kVoxel;
-constexpr int kChunks = 8;  ///< along the world
+constexpr int kVoxels = 32;  ///< voxels along a chunk
+constexpr double kVoxelSize = 2;
+constexpr double kChunk = kVoxels * kVoxelSize;
+constexpr int kAlong = 8;  ///< along the world
 
-bool overColumn(glm::vec3 p) { return p.x >= 0 && p.z >= 0 && p.x <= float(kEdge) && p.z <= float(kEdge); }
+bool overColumn(glm::vec3 p) { return p.x >= 0 && p.z >= 0 && p.x <= float(kChunk) && p.z <= float(kChunk); }
 
 /// Hills with a cave, in chunks that keep one level of detail each: neighbours never the same one.
 /// Cut at its border if `cut`: without the overlap and the skirts that hide cracks.
 ///   bound  grows to what a mesh may lie below the formula [m]
 world::BakeSource mixedLevels(bool cut, double& bound) {
     world::BakeSource source;
-    source.header.chunkSize = kEdge;
-    source.header.voxel = kVoxel;
+    source.header.chunkSize = kChunk;
+    source.header.voxel = kVoxelSize;
     source.header.source = "hills";
     struct Made {
         world::TerrainChunk terrain;
         world::ChunkKey key;
     };
     auto chunks = std::make_shared<std::vector<Made>>();
-    for (int x = 0; x < kChunks; ++x) {
-        for (int z = 0; z < kChunks; ++z) {
+    for (int x = 0; x < kAlong; ++x) {
+        for (int z = 0; z < kAlong; ++z) {
             const world::ChunkKey key{x, 0, z};
-            auto made = world::makeTerrain(world::test::fieldOf(world::test::hillsWithCave, -60, 60), key, kSide, kVoxel);
+            auto made = world::makeTerrain(world::test::fieldOf(world::test::hillsWithCave, -60, 60), key, kVoxels, kVoxelSize);
             world::TerrainChunk terrain = std::move(*made.value());
             std::vector<world::MeshLevel>& levels = terrain.mesh.levels;
             world::MeshLevel kept = levels[size_t(x + 2 * z) % levels.size()];
-            bound = std::max(bound, kept.error + kVoxel);
+            bound = std::max(bound, kept.error + kVoxelSize);
             kept.error = 0;
             if (cut) {
                 std::vector<uint32_t> inside;
@@ -54,7 +54,7 @@ world::BakeSource mixedLevels(bool cut, double& bound) {
     }
     source.make = [chunks](world::ChunkKey key) -> world::Result<world::SourceChunk> {
         world::SourceChunk chunk;
-        chunk.terrain = (*chunks)[size_t(key.x * kChunks + key.z)].terrain;
+        chunk.terrain = (*chunks)[size_t(key.x * kAlong + key.z)].terrain;
         return chunk;
     };
     return source;
@@ -75,7 +75,7 @@ Leaks leaksOf(const world::WorldStore& store, glm::dvec3 sun, double bound) {
     config.sun = sun;
     auto system = std::move(server::ShadowSystem::create(tests::validatedDevice(), store, config).value());
     // Over a corner where four chunks meet.
-    const glm::dvec3 eye(4 * kEdge, 10, 4 * kEdge);
+    const glm::dvec3 eye(4 * kChunk, 10, 4 * kChunk);
     const double eyeZ = glm::dot(eye, sun);
     EXPECT_TRUE(system->advance({0, {eye, {1, 0, 0, 0}}, {}}));
     Leaks found;
@@ -96,7 +96,7 @@ Leaks leaksOf(const world::WorldStore& store, glm::dvec3 sun, double bound) {
                 while (z < end) {
                     const glm::dvec3 p = inWorld(z);
                     const double f = world::test::hillsWithCave(p);
-                    inside = p.x > 8 && p.z > 8 && p.x < kChunks * kEdge - 8 && p.z < kChunks * kEdge - 8;
+                    inside = p.x > 8 && p.z > 8 && p.x < kAlong * kChunk - 8 && p.z < kAlong * kChunk - 8;
                     air = air || (inside && f > bound);
                     if (f < -bound || (air && !inside)) break;
                     z += std::max(0.1, (f + bound) / 2);  // the formula is about a distance

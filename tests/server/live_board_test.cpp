@@ -23,20 +23,15 @@ using server::LiveNews;
 using server::LiveSession;
 using server::ShadowConfig;
 using server::ShadowSystem;
+using tests::systemOn;
 
-ShadowConfig small() {
+ShadowConfig boardConfig() {
     ShadowConfig config;
     config.cascades = 3;
     config.side = 128;
     config.farDistance = 45;
     config.geometryBytes = 16 << 20;
     return config;
-}
-
-std::unique_ptr<ShadowSystem> systemOn(const world::WorldStore& store, const ShadowConfig& config = small()) {
-    auto made = ShadowSystem::create(tests::validatedDevice(), store, config);
-    if (!made) throw std::runtime_error(made.error().what);
-    return std::move(made.value());
 }
 
 /// Advances by one frame and publishes it.
@@ -53,7 +48,7 @@ FrameReport step(ShadowSystem& system, LiveSession& live, double time, glm::dvec
 
 TEST(LiveBoard, TellsEachFrameOnceAndAddsUp) {
     const auto store = tests::baked(tests::streets({0, 0, 0}), "board.world");
-    const auto system = systemOn(store);
+    const auto system = systemOn(store, boardConfig());
     LiveBoard board;
     LiveSession live = board.open("walk", "streets");
     uint64_t seen = 0, told = 0;
@@ -83,7 +78,7 @@ TEST(LiveBoard, TellsEachFrameOnceAndAddsUp) {
 
 /// The rectangles that are told are those that the frame drew: as much area for each cause as it counted.
 void expectMarksAddUp(const world::WorldStore& store, uint64_t budget) {
-    ShadowConfig config = small();
+    ShadowConfig config = boardConfig();
     config.budget.texels = budget;
     const auto system = systemOn(store, config);
     const auto box = system->adopt("box (0,0,0) 1");
@@ -125,7 +120,7 @@ TEST(LiveBoard, MarksWhatWasDrawnByCause) {
 
 TEST(LiveBoard, ForgetsWhatIsOldAndSaysSo) {
     const auto store = tests::baked(tests::streets({0, 0, 0}), "bound.world");
-    const auto system = systemOn(store);
+    const auto system = systemOn(store, boardConfig());
     LiveBoard board;
     LiveSession live = board.open("long", "streets");
     const size_t frames = server::kLiveFrames + 50;
@@ -146,7 +141,7 @@ TEST(LiveBoard, ForgetsWhatIsOldAndSaysSo) {
 /// Nothing dear is made for a session that nobody asks for.
 TEST(LiveBoard, MakesPicturesForWatchersAlone) {
     const auto store = tests::baked(tests::streets({0, 0, 0}), "pictures.world");
-    const auto system = systemOn(store);
+    const auto system = systemOn(store, boardConfig());
     LiveBoard board;
     LiveSession live = board.open("still", "streets");
     for (int i = 0; i < 10; ++i) step(*system, live, i, {0, 2, 0});
@@ -209,7 +204,7 @@ TEST(LiveBoard, PicturesAreInTheOrderOfTheWindow) {
 
 TEST(LiveBoard, SessionsAndWatchersComeAndGo) {
     const auto store = tests::baked(tests::streets({0, 0, 0}), "crowd.world");
-    const auto system = systemOn(store);
+    const auto system = systemOn(store, boardConfig());
     LiveBoard board;
     FrameInput input;
     const auto report = system->advance(input);

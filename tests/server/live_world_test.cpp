@@ -14,8 +14,10 @@ using server::Light;
 using server::ObjectTraits;
 using server::ShadowConfig;
 using server::ShadowSystem;
+using tests::streetsWorld;
+using tests::systemOn;
 
-ShadowConfig small() {
+ShadowConfig lifeConfig() {
     ShadowConfig config;
     config.cascades = 3;
     config.side = 128;
@@ -26,19 +28,8 @@ ShadowConfig small() {
     return config;
 }
 
-const world::WorldStore& streetsWorld() {
-    static const world::WorldStore store = tests::baked(tests::streets(glm::dvec3(0)), "live.world");
-    return store;
-}
-
-std::unique_ptr<ShadowSystem> make(const ShadowConfig& config) {
-    auto system = ShadowSystem::create(tests::validatedDevice(), streetsWorld(), config);
-    if (!system) throw std::runtime_error(system.error().what);
-    return std::move(system.value());
-}
-
 tools::SoakReport live(const ShadowConfig& config, uint64_t frames, uint32_t seed) {
-    const auto system = make(config);
+    const auto system = systemOn(streetsWorld(), config);
     auto report = tools::soak(*system, streetsWorld(), {frames, 9, seed, 40}, [](const auto&, const auto&) { return world::Done{}; });
     if (!report) throw std::runtime_error(report.error().what);
     return report.value();
@@ -46,7 +37,7 @@ tools::SoakReport live(const ShadowConfig& config, uint64_t frames, uint32_t see
 
 TEST(LiveWorld, StaysExactThroughMixedLife) {
     for (const int guard : {1, 6}) {
-        ShadowConfig config = small();
+        ShadowConfig config = lifeConfig();
         config.guardBand = guard;
         if (guard > 1) {  // and with it what else can differ from the defaults
             config.format = gpu::DepthFormat::kD16;
@@ -72,7 +63,7 @@ TEST(LiveWorld, StaysExactThroughMixedLife) {
 }
 
 TEST(LiveWorld, DroppedCastersAreCountedAndProveNothing) {
-    ShadowConfig config = small();
+    ShadowConfig config = lifeConfig();
     config.smallestCaster = 30;  // in the far cascade that is every caster but the grounds
     // A frame has its share of the search for certificates: later ones hide what the first had to draw.
     const auto hidden = [](ShadowSystem& system) {
@@ -81,18 +72,18 @@ TEST(LiveWorld, DroppedCastersAreCountedAndProveNothing) {
             clusters += system.advance({frame / 30.0, {{0.5 * frame, 2, 0}, {1, 0, 0, 0}}, {}}).value().cascades[2].clustersHidden;
         return clusters;
     };
-    const auto system = make(config);
+    const auto system = systemOn(streetsWorld(), config);
     const auto report = system->advance({0, {{0, 2, 0}, {1, 0, 0, 0}}, {}}).value();
     EXPECT_EQ(report.cascades[0].castersDropped, 0u);
     EXPECT_GT(report.cascades[2].castersDropped, 100u);
     EXPECT_EQ(hidden(*system), 0u) << "only roofs hide anything here";
     EXPECT_EQ(system->verify().value().differing, 0u);
     config.smallestCaster = 0;
-    EXPECT_GT(hidden(*make(config)), 0u);
+    EXPECT_GT(hidden(*systemOn(streetsWorld(), config)), 0u);
 }
 
 TEST(LiveWorld, TheSameSeedLivesTheSameLife) {
-    const tools::SoakReport a = live(small(), 200, 8), b = live(small(), 200, 8), c = live(small(), 200, 9);
+    const tools::SoakReport a = live(lifeConfig(), 200, 8), b = live(lifeConfig(), 200, 8), c = live(lifeConfig(), 200, 9);
     EXPECT_EQ(a.planHash, b.planHash);
     EXPECT_NE(a.planHash, c.planHash);
 }
@@ -103,7 +94,7 @@ TEST(LiveWorld, EachDefectIsSeen) {
           cache::Sabotage::kForgottenDebt, cache::Sabotage::kUnknownAsEmpty, cache::Sabotage::kMixedSuns,
           cache::Sabotage::kSleptMotion, cache::Sabotage::kDeafArrival, cache::Sabotage::kUnrestored,
           cache::Sabotage::kLostMaps}) {
-        ShadowConfig config = small();
+        ShadowConfig config = lifeConfig();
         config.sabotage = sabotage;
         config.movingSun = sabotage == cache::Sabotage::kMixedSuns;  // a sun that steps drops all certificates
         const tools::SoakReport report = live(config, 3000, 3);
@@ -114,10 +105,10 @@ TEST(LiveWorld, EachDefectIsSeen) {
 
 TEST(LiveWorld, AJumpWithinATenthOfItsNeedIsLateAndNeverWrong) {
     const auto rays = tests::trianglesOf(streetsWorld());
-    ShadowConfig config = small();
+    ShadowConfig config = lifeConfig();
     config.guardBand = 1;  // windows follow each step, so that more of them is late
     for (const bool byTriangles : {false, true}) {
-        const auto system = make(config);
+        const auto system = systemOn(streetsWorld(), config);
         const auto at = [&](double time, glm::dvec3 eye) {
             auto report = system->advance({time, {eye, {1, 0, 0, 0}}, {}});
             EXPECT_TRUE(report);
@@ -181,7 +172,7 @@ TEST(LiveWorld, AJumpWithinATenthOfItsNeedIsLateAndNeverWrong) {
 }
 
 TEST(LiveWorld, SkyInViewPutsCascadesToSleep) {
-    const auto system = make(small());
+    const auto system = systemOn(streetsWorld(), lifeConfig());
     const glm::dquat up = glm::angleAxis(1.4, glm::dvec3(1, 0, 0));
     server::FrameInput input{0, {{0, 40, 0}, up, 0.5, 1.5}, {}};
     const auto sky = system->advance(input).value();
@@ -204,7 +195,7 @@ TEST(LiveWorld, SkyInViewPutsCascadesToSleep) {
 }
 
 TEST(LiveWorld, ObjectsThatDeformDirtyTheirMargin) {
-    const auto system = make(small());
+    const auto system = systemOn(streetsWorld(), lifeConfig());
     const server::ObjectId id =
         system->spawn(0, tests::placedAt({0, 2, 0}), {.deforms = true, .margin = 2}).value();
     const server::ObjectId plain = system->spawn(0, tests::placedAt({10, 2, 0})).value();
@@ -229,9 +220,9 @@ TEST(LiveWorld, ObjectsThatDeformDirtyTheirMargin) {
 }
 
 TEST(LiveWorld, AHundredThatStopTogetherAreTakenInTurn) {
-    ShadowConfig config = small();
+    ShadowConfig config = lifeConfig();
     config.promotionsPerFrame = 7;
-    const auto system = make(config);
+    const auto system = systemOn(streetsWorld(), config);
     for (int i = 0; i < 100; ++i)
         ASSERT_TRUE(system->spawn(0, tests::placedAt({double(i % 10) * 2 - 10, 1, double(i / 10) * 2 - 10})));
     std::vector<uint64_t> arrivals;
@@ -249,7 +240,7 @@ TEST(LiveWorld, AHundredThatStopTogetherAreTakenInTurn) {
 }
 
 TEST(LiveWorld, BadItemsChangeNothing) {
-    const auto system = make(small());
+    const auto system = systemOn(streetsWorld(), lifeConfig());
     const double nan = std::nan("");
     const server::ObjectId box = system->spawn(0, tests::placedAt({1, 1, 1})).value();
     const server::FrameInput input{0, {{0, 2, 0}, {1, 0, 0, 0}}, {}};
@@ -304,7 +295,7 @@ TEST(LiveWorld, WhatDoesNotFitOnTheGpuIsRefusedWithoutATrace) {
     source.meshes.push_back(std::move(large));
     const auto mesh = uint32_t(source.meshes.size() - 1);
     const world::WorldStore store = tests::baked(source, "full.world");
-    ShadowConfig config = small();
+    ShadowConfig config = lifeConfig();
     config.geometryBytes = 64 << 10;
     const auto made = ShadowSystem::create(tests::validatedDevice(), store, config);
     ASSERT_TRUE(made) << made.error().what;

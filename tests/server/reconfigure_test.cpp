@@ -16,13 +16,13 @@ using server::MapSettings;
 using server::ShadowConfig;
 using server::ShadowSystem;
 
-constexpr int kSide = 128;
+constexpr int kMapSide = 128;
 
-std::unique_ptr<ShadowSystem> make() {
+std::unique_ptr<ShadowSystem> walkable() {
     static const world::WorldStore store = tests::baked(tests::streets(glm::dvec3(0)), "reconfigured.world");
     ShadowConfig config;
     config.cascades = 3;
-    config.side = kSide;
+    config.side = kMapSide;
     config.farDistance = 45;
     config.geometryBytes = 16 << 20;
     config.movingSun = true;
@@ -54,7 +54,7 @@ private:
 };
 
 TEST(Reconfigure, ACascadeMoreOrLessKeepsTheOthers) {
-    const auto system = make();
+    const auto system = walkable();
     Walk walk(*system);
     for (int frame = 0; frame < 10; ++frame) walk.step();
     MapSettings settings = system->config();
@@ -62,7 +62,7 @@ TEST(Reconfigure, ACascadeMoreOrLessKeepsTheOthers) {
     ASSERT_TRUE(system->reconfigure(settings));
     ASSERT_EQ(system->cascades(), 4);
     const FrameReport more = walk.step(0);
-    EXPECT_EQ(more.cascades[0].byCause[size_t(Cause::kStart)].texels, uint64_t(kSide * kSide));
+    EXPECT_EQ(more.cascades[0].byCause[size_t(Cause::kStart)].texels, uint64_t(kMapSide * kMapSide));
     for (int c = 1; c < 4; ++c) EXPECT_EQ(more.cascades[size_t(c)].total, cache::Cost{}) << "cascade " << c;
     walk.expectExact();
     settings.farDistance = 15;  // the far one goes, the others are those that were
@@ -80,7 +80,7 @@ TEST(Reconfigure, ACascadeMoreOrLessKeepsTheOthers) {
 }
 
 TEST(Reconfigure, OtherTexelsAreDrawnAnewWithinTheBudget) {
-    const auto system = make();
+    const auto system = walkable();
     Walk walk(*system);
     walk.step();
     ASSERT_TRUE(system->setBudget({.texels = 6000}));
@@ -105,7 +105,7 @@ TEST(Reconfigure, OtherTexelsAreDrawnAnewWithinTheBudget) {
 }
 
 TEST(Reconfigure, SmallCastersLeaveKeptMapsAndComeBack) {
-    const auto system = make();
+    const auto system = walkable();
     Walk walk(*system);
     for (int frame = 0; frame < 5; ++frame) walk.step();
     const auto before = system->mapHash(2, gpu::MapKind::kCache).value();
@@ -125,7 +125,7 @@ TEST(Reconfigure, SmallCastersLeaveKeptMapsAndComeBack) {
 }
 
 /// Hills with a cave, in terrain chunks with all their levels of detail.
-world::BakeSource hills() {
+world::BakeSource hillsSource() {
     world::BakeSource source;
     source.header.chunkSize = 64;
     source.header.voxel = 2;
@@ -153,7 +153,7 @@ ShadowConfig onHills() {
 }
 
 TEST(Reconfigure, VerificationSeesLevelsThatSwitchInSilence) {
-    const world::WorldStore store = tests::baked(hills(), "silent_hills.world");
+    const world::WorldStore store = tests::baked(hillsSource(), "silent_hills.world");
     ShadowConfig config = onHills();
     config.sabotage = cache::Sabotage::kSilentLevel;
     const auto made = ShadowSystem::create(tests::validatedDevice(), store, config);
@@ -170,7 +170,7 @@ TEST(Reconfigure, VerificationSeesLevelsThatSwitchInSilence) {
 }
 
 TEST(Reconfigure, OtherLevelsDepartAndArriveAndMoveShadowsByLessThanTheirErrors) {
-    const world::WorldStore store = tests::baked(hills(), "hills.world");
+    const world::WorldStore store = tests::baked(hillsSource(), "hills.world");
     ShadowConfig config = onHills();
     const auto made = ShadowSystem::create(tests::validatedDevice(), store, config);
     ASSERT_TRUE(made) << made.error().what;
@@ -228,7 +228,7 @@ TEST(Reconfigure, OtherLevelsDepartAndArriveAndMoveShadowsByLessThanTheirErrors)
 }
 
 TEST(Reconfigure, AnySequenceStaysExact) {
-    const auto system = make();
+    const auto system = walkable();
     Walk walk(*system);
     std::mt19937 rng(5);
     const glm::dvec3 sun = system->config().sun;
@@ -255,7 +255,7 @@ TEST(Reconfigure, AnySequenceStaysExact) {
 }
 
 TEST(Reconfigure, BadSettingsChangeNothing) {
-    const auto system = make();
+    const auto system = walkable();
     Walk walk(*system);
     walk.step();
     const MapSettings good = system->config();

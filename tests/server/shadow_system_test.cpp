@@ -16,8 +16,10 @@ using server::FrameReport;
 using server::ObjectUpdate;
 using server::ShadowConfig;
 using server::ShadowSystem;
+using tests::streetsWorld;
+using tests::systemOn;
 
-ShadowConfig small() {
+ShadowConfig smallConfig() {
     ShadowConfig config;
     config.cascades = 3;
     config.side = 256;
@@ -27,21 +29,10 @@ ShadowConfig small() {
     return config;
 }
 
-const world::WorldStore& nearWorld() {
-    static const world::WorldStore store = tests::baked(tests::streets(glm::dvec3(0)), "near.world");
-    return store;
-}
-
-std::unique_ptr<ShadowSystem> make(const world::WorldStore& store, const ShadowConfig& config) {
-    auto system = ShadowSystem::create(tests::validatedDevice(), store, config);
-    EXPECT_TRUE(system) << system.error().what;
-    return std::move(system.value());
-}
-
 /// A camera that walks, turns, stands and jumps, and objects that move, stop and start again.
-class Walk {
+class Wander {
 public:
-    Walk(ShadowSystem& system, glm::dvec3 origin) : system_(system), origin_(origin), eye_(origin) {
+    Wander(ShadowSystem& system, glm::dvec3 origin) : system_(system), origin_(origin), eye_(origin) {
         const glm::i64vec2 base(glm::floor(glm::dvec2(origin.x, origin.z) / 16.0));
         for (int i = 0; i < 12; ++i) {
             const world::ChunkKey key{int32_t(base.x) + i % 3 - 1, 0, int32_t(base.y) + i / 3 - 2};
@@ -76,10 +67,10 @@ private:
 };
 
 TEST(ShadowSystem, ItsCastersCostWhatItsFramesCost) {
-    ShadowConfig config = small();
+    ShadowConfig config = smallConfig();
     config.budget.triangles = 400;  // work is tried and taken back
-    const auto system = make(nearWorld(), config);
-    Walk walk(*system, glm::dvec3(0));
+    const auto system = systemOn(streetsWorld(), config);
+    Wander walk(*system, glm::dvec3(0));
     uint64_t triangles = 0, limited = 0;
     for (int frame = 0; frame < 120; ++frame) {
         const FrameReport report = walk.step();
@@ -113,8 +104,8 @@ TEST(ShadowSystem, EveryFrameEqualsARedrawFromScratch) {
     const glm::dvec3 far(1e6, 0, -6.1e6);
     const world::WorldStore distant = tests::baked(tests::streets(far), "far.world");
     for (const bool away : {false, true}) {
-        const auto system = make(away ? distant : nearWorld(), small());
-        Walk walk(*system, away ? far : glm::dvec3(0));
+        const auto system = systemOn(away ? distant : streetsWorld(), smallConfig());
+        Wander walk(*system, away ? far : glm::dvec3(0));
         uint64_t certificates = 0, revoked = 0, departures = 0, promotions = 0;
         for (int frame = 0; frame < 120; ++frame) {
             const FrameReport report = walk.step();
@@ -143,16 +134,16 @@ TEST(ShadowSystem, EveryFrameEqualsARedrawFromScratch) {
 }
 
 TEST(ShadowSystem, MapsAnswerLikeRays) {
-    const auto system = make(nearWorld(), small());
+    const auto system = systemOn(streetsWorld(), smallConfig());
     const glm::dvec3 eye(3, 2, 1);
     ASSERT_TRUE(system->advance({0, {eye, {1, 0, 0, 0}}, {}}));
-    const tests::WorldTriangles triangles = tests::trianglesOf(nearWorld());
+    const tests::WorldTriangles triangles = tests::trianglesOf(streetsWorld());
     std::mt19937 rng(3);
     int lit = 0, dark = 0;
     for (int c = 0; c < system->cascades(); ++c) {
         const server::CascadeView view = system->view(c);
         const std::vector<float> map = system->readMap(c, gpu::MapKind::kWorking).value();
-        const int64_t side = small().side;
+        const int64_t side = smallConfig().side;
         for (int step = 0; step < 150; ++step) {
             const auto uniform = [&rng](double a, double b) { return a + (b - a) * double(rng()) / 4294967295.0; };
             const double reach = view.split * 0.7;
@@ -181,10 +172,10 @@ TEST(ShadowSystem, MapsAnswerLikeRays) {
 TEST(ShadowSystem, EachDefectIsSeen) {
     for (const cache::Sabotage sabotage : {cache::Sabotage::kLiteralScroll, cache::Sabotage::kDeafDeparture,
                                            cache::Sabotage::kStickyCertificate}) {
-        ShadowConfig config = small();
+        ShadowConfig config = smallConfig();
         config.sabotage = sabotage;
-        const auto system = make(nearWorld(), config);
-        Walk walk(*system, glm::dvec3(0));
+        const auto system = systemOn(streetsWorld(), config);
+        Wander walk(*system, glm::dvec3(0));
         bool caught = false;
         for (int frame = 0; frame < 120 && !caught; ++frame) {
             walk.step();
@@ -205,8 +196,8 @@ TEST(ShadowSystem, IsTheSameForAnyNumberOfThreads) {
     std::vector<std::vector<uint64_t>> runs;
     for (const size_t threads : {1, 2, 5}) {
         const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-        const auto system = make(nearWorld(), small());
-        Walk walk(*system, glm::dvec3(0));
+        const auto system = systemOn(streetsWorld(), smallConfig());
+        Wander walk(*system, glm::dvec3(0));
         std::vector<uint64_t> run;
         for (int frame = 0; frame < 60; ++frame) {
             const FrameReport r = walk.step();
@@ -222,11 +213,11 @@ TEST(ShadowSystem, IsTheSameForAnyNumberOfThreads) {
 }
 
 TEST(ShadowSystem, OcclusionChangesNoTexel) {
-    ShadowConfig config = small();
-    const auto exact = make(nearWorld(), config);
+    ShadowConfig config = smallConfig();
+    const auto exact = systemOn(streetsWorld(), config);
     config.occlusion = false;
-    const auto off = make(nearWorld(), config);
-    Walk a(*exact, glm::dvec3(0)), b(*off, glm::dvec3(0));
+    const auto off = systemOn(streetsWorld(), config);
+    Wander a(*exact, glm::dvec3(0)), b(*off, glm::dvec3(0));
     uint64_t hidden = 0;
     for (int frame = 0; frame < 60; ++frame) {
         for (const auto& c : a.step().cascades) hidden += c.clustersHidden;
@@ -240,7 +231,7 @@ TEST(ShadowSystem, OcclusionChangesNoTexel) {
 }
 
 TEST(ShadowSystem, NothingMovingSubmitsNothing) {
-    const auto system = make(nearWorld(), small());
+    const auto system = systemOn(streetsWorld(), smallConfig());
     const server::FrameInput input{0, {glm::dvec3(3, 2, 1), {1, 0, 0, 0}}, {}};
     ASSERT_TRUE(system->advance(input).value().submitted);
     for (int frame = 1; frame < 5; ++frame) {
@@ -252,10 +243,10 @@ TEST(ShadowSystem, NothingMovingSubmitsNothing) {
 }
 
 TEST(ShadowSystem, RedrawMethodDrawsEverythingEveryFrame) {
-    ShadowConfig config = small();
+    ShadowConfig config = smallConfig();
     config.method = server::Method::kRedraw;
-    const auto system = make(nearWorld(), config);
-    Walk walk(*system, glm::dvec3(0));
+    const auto system = systemOn(streetsWorld(), config);
+    Wander walk(*system, glm::dvec3(0));
     for (int frame = 0; frame < 5; ++frame) {
         const FrameReport report = walk.step();
         const server::RedrawCosts costs = system->redrawCosts();
@@ -265,7 +256,7 @@ TEST(ShadowSystem, RedrawMethodDrawsEverythingEveryFrame) {
 }
 
 TEST(ShadowSystem, BadItemsAreReportedAndTheFrameGoesOn) {
-    const auto system = make(nearWorld(), small());
+    const auto system = systemOn(streetsWorld(), smallConfig());
     EXPECT_FALSE(system->adopt("no such box"));
     const server::ObjectId box = system->adopt("box (0,0,0) 1").value();
     EXPECT_EQ(system->adopt("box (0,0,0) 1").value(), box);
@@ -285,28 +276,28 @@ TEST(ShadowSystem, BadItemsAreReportedAndTheFrameGoesOn) {
 }
 
 TEST(ShadowSystem, RefusesWhatCannotWork) {
-    ShadowConfig config = small();
+    ShadowConfig config = smallConfig();
     config.sun = {0, 1, 0};
-    EXPECT_FALSE(ShadowSystem::create(tests::validatedDevice(), nearWorld(), config));
-    config = small();
+    EXPECT_FALSE(ShadowSystem::create(tests::validatedDevice(), streetsWorld(), config));
+    config = smallConfig();
     config.streaming.disk.channels = 0;
-    const auto refused = ShadowSystem::create(tests::validatedDevice(), nearWorld(), config);
+    const auto refused = ShadowSystem::create(tests::validatedDevice(), streetsWorld(), config);
     ASSERT_FALSE(refused);
     EXPECT_NE(refused.error().what.find("1024 channels"), std::string::npos) << refused.error().what;
 }
 
 /// Budgets too small for what the windows need leave chunks out, keep to the budget, and say where it shows.
 TEST(ShadowSystem, WhatDoesNotFitIsMissingAndSaidToBe) {
-    const auto whole = make(nearWorld(), small());
-    Walk needs(*whole, glm::dvec3(0));
+    const auto whole = systemOn(streetsWorld(), smallConfig());
+    Wander needs(*whole, glm::dvec3(0));
     const FrameReport full = needs.step();
     ASSERT_GT(full.chunkArrivals, 2u);
     EXPECT_EQ(full.missingChunks + full.coarseChunks, 0u);
     for (const bool onGpu : {false, true}) {
-        ShadowConfig config = small();
+        ShadowConfig config = smallConfig();
         (onGpu ? config.geometryBytes : config.residentBytes) = (onGpu ? full.geometryBytes : full.residentBytes) * 3 / 4;
-        const auto system = make(nearWorld(), config);
-        Walk walk(*system, glm::dvec3(0));
+        const auto system = systemOn(streetsWorld(), config);
+        Wander walk(*system, glm::dvec3(0));
         uint64_t missing = 0;
         for (int frame = 0; frame < 30; ++frame) {
             const FrameReport report = walk.step();
@@ -319,8 +310,8 @@ TEST(ShadowSystem, WhatDoesNotFitIsMissingAndSaidToBe) {
         EXPECT_GT(missing, 0u);
         EXPECT_EQ(system->verify().value().differing, 0u);
         // Where a map differs from the whole world's, its texels say so.
-        const auto truth = make(nearWorld(), small());
-        Walk beside(*truth, glm::dvec3(0));
+        const auto truth = systemOn(streetsWorld(), smallConfig());
+        Wander beside(*truth, glm::dvec3(0));
         for (int frame = 0; frame < 30; ++frame) beside.step();
         size_t wrong = 0;
         for (int c = 0; c < system->cascades(); ++c) {
@@ -341,8 +332,8 @@ TEST(ShadowSystem, WhatDoesNotFitIsMissingAndSaidToBe) {
 /// Plans and geometry as the system hands them out, drawn by somebody else: chunks come and go on the
 /// way, and with them the numbers of their geometry.
 TEST(ShadowSystem, FramesOverlapWithoutADifference) {
-    const auto waits = make(nearWorld(), small()), overlaps = make(nearWorld(), small());
-    Walk first(*waits, glm::dvec3(0)), second(*overlaps, glm::dvec3(0));
+    const auto waits = systemOn(streetsWorld(), smallConfig()), overlaps = systemOn(streetsWorld(), smallConfig());
+    Wander first(*waits, glm::dvec3(0)), second(*overlaps, glm::dvec3(0));
     std::vector<FrameReport> reports;
     for (int frame = 0; frame < 80; ++frame) {
         FrameReport report = first.step();
@@ -365,7 +356,7 @@ TEST(ShadowSystem, FramesOverlapWithoutADifference) {
 }
 
 TEST(ShadowSystem, ALongRestBetweenFramesInFlightIsNoMatter) {
-    const auto system = make(nearWorld(), small());
+    const auto system = systemOn(streetsWorld(), smallConfig());
     double x = 0;
     for (int frame = 0; frame < 100; ++frame) {
         if (frame < 4 || frame > 90) x += 0.7;
@@ -377,15 +368,15 @@ TEST(ShadowSystem, ALongRestBetweenFramesInFlightIsNoMatter) {
 }
 
 TEST(ShadowSystem, PlansCanBeDrawnElsewhere) {
-    ShadowConfig config = small();
+    ShadowConfig config = smallConfig();
     config.timestamps = false;
-    const auto system = make(nearWorld(), config);
+    const auto system = systemOn(streetsWorld(), config);
     gpu::ShadowMapsConfig maps;
     maps.cascades = config.cascades;
     maps.side = config.side;
     auto floor = gpu::Floor::create(tests::validatedDevice(), maps);
     ASSERT_TRUE(floor) << floor.error().what;
-    Walk walk(*system, glm::dvec3(0));
+    Wander walk(*system, glm::dvec3(0));
     uint64_t departures = 0;
     for (int frame = 0; frame < 90; ++frame) {
         FrameReport report = walk.step();

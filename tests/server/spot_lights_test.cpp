@@ -20,10 +20,12 @@ using server::FrameReport;
 using server::ObjectUpdate;
 using server::ShadowConfig;
 using server::ShadowSystem;
+using tests::streetsWorld;
+using tests::systemOn;
 using server::SpotAnswer;
 using server::SpotId;
 
-ShadowConfig small() {
+ShadowConfig spotConfig() {
     ShadowConfig config;
     config.cascades = 2;
     config.side = 64;
@@ -31,17 +33,6 @@ ShadowConfig small() {
     config.restSeconds = 0.5;
     config.geometryBytes = 16 << 20;
     return config;
-}
-
-const world::WorldStore& streetsWorld() {
-    static const world::WorldStore store = tests::baked(tests::streets(glm::dvec3(0)), "spots.world");
-    return store;
-}
-
-std::unique_ptr<ShadowSystem> make(const world::WorldStore& store, const ShadowConfig& config) {
-    auto system = ShadowSystem::create(tests::validatedDevice(), store, config);
-    if (!system) throw std::runtime_error(system.error().what);
-    return std::move(system.value());
 }
 
 /// Lamps and boxes that come, go, move, turn and rest around a camera that walks and jumps.
@@ -114,7 +105,7 @@ TEST(SpotLights, EveryFrameEqualsARedrawFromScratch) {
     const glm::dvec3 far(1e6, 0, -6.1e6);
     const world::WorldStore distant = tests::baked(tests::streets(far), "far_spots.world");
     for (const bool away : {false, true}) {
-        const auto system = make(away ? distant : streetsWorld(), small());
+        const auto system = systemOn(away ? distant : streetsWorld(), spotConfig());
         Life life(*system, away ? far : glm::dvec3(0), 5);
         std::array<uint64_t, cache::kCauses> redrawn{};
         uint64_t active = 0, idle = 0, texels = 0;
@@ -147,9 +138,9 @@ TEST(SpotLights, EveryFrameEqualsARedrawFromScratch) {
 }
 
 TEST(SpotLights, ALightThatIsDeafToDeparturesIsCaught) {
-    ShadowConfig config = small();
+    ShadowConfig config = spotConfig();
     config.sabotage = cache::Sabotage::kDeafDeparture;
-    const auto system = make(streetsWorld(), config);
+    const auto system = systemOn(streetsWorld(), config);
     Life life(*system, glm::dvec3(0), 5);
     uint64_t differing = 0;
     for (int frame = 0; frame < 250 && differing == 0; ++frame) {
@@ -161,7 +152,7 @@ TEST(SpotLights, ALightThatIsDeafToDeparturesIsCaught) {
     EXPECT_GT(differing, 0u);
 
     // One box beyond all cascades, and the difference names the map.
-    const auto plain = make(streetsWorld(), config);
+    const auto plain = systemOn(streetsWorld(), config);
     const SpotId lamp = plain->addSpot({{-60, 30, -60}, {0, -1, 0}, 0.3, 0.1, 40, 64}).value();
     const auto box = plain->spawn(1, tests::placedAt({-60, 10, -60}), {.atRest = true}).value();
     const server::Camera camera{{0, 2, 0}, {1, 0, 0, 0}};
@@ -186,7 +177,7 @@ TEST(SpotLights, AreTheSameForAnyNumberOfThreads) {
     std::vector<std::vector<uint64_t>> runs;
     for (const size_t threads : {1, 2, 5}) {
         const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-        const auto system = make(streetsWorld(), small());
+        const auto system = systemOn(streetsWorld(), spotConfig());
         Life life(*system, glm::dvec3(0), 8);
         std::vector<uint64_t> run;
         for (int frame = 0; frame < 80; ++frame) {
@@ -204,7 +195,7 @@ TEST(SpotLights, AreTheSameForAnyNumberOfThreads) {
 }
 
 TEST(SpotLights, AnswerLikeRays) {
-    const auto system = make(streetsWorld(), small());
+    const auto system = systemOn(streetsWorld(), spotConfig());
     tests::WorldTriangles triangles = tests::trianglesOf(streetsWorld());
     std::erase_if(triangles, [](auto& t) { return glm::length(t[0]) > 60; });  // farther than any light here shines
     std::mt19937 rng(3);
@@ -266,7 +257,7 @@ TEST(SpotLights, AnswerLikeRays) {
 }
 
 TEST(SpotLights, NothingMovingSubmitsNothing) {
-    const auto system = make(streetsWorld(), small());
+    const auto system = systemOn(streetsWorld(), spotConfig());
     const SpotId lamp = system->addSpot({{0, 9, 0}, {0, -1, 0}, 0.6, 0.1, 30, 128}).value();
     const auto box = system->spawn(0, tests::placedAt({0, 1, 0})).value();
     const auto frame = [&](double time, std::span<const ObjectUpdate> updates) {
@@ -301,9 +292,9 @@ TEST(SpotLights, NothingMovingSubmitsNothing) {
 }
 
 TEST(SpotLights, ARedrawingSystemDrawsThemInEveryFrame) {
-    ShadowConfig config = small();
+    ShadowConfig config = spotConfig();
     config.method = server::Method::kRedraw;
-    const auto system = make(streetsWorld(), config);
+    const auto system = systemOn(streetsWorld(), config);
     ASSERT_TRUE(system->addSpot({{0, 9, 0}, {0, -1, 0}, 0.6, 0.1, 30, 128}));
     for (int frame = 0; frame < 3; ++frame) {
         const auto report = system->advance({frame + 0.0, {{0, 2, 0}, {1, 0, 0, 0}}, {}}).value();
@@ -313,7 +304,7 @@ TEST(SpotLights, ARedrawingSystemDrawsThemInEveryFrame) {
 }
 
 TEST(SpotLights, BadNumbersChangeNothing) {
-    const auto system = make(streetsWorld(), small());
+    const auto system = systemOn(streetsWorld(), spotConfig());
     const SpotLight good{{0, 9, 0}, {0, -1, 0}, 0.6, 0.1, 30, 128};
     const server::Camera camera{{0, 2, 0}, {1, 0, 0, 0}};
     const SpotId lamp = system->addSpot(good).value();
@@ -374,8 +365,8 @@ TEST(SpotLights, LevelsThatOnlyALightDrawsAreUploadedForIt) {
     const SpotLight light{{0, 9, 0}, {0, -1, 0}, 0.6, 0.1, 30, 128};
     const server::FrameInput still{0, {{0, 2, 0}, {1, 0, 0, 0}}, {}};
     const uint64_t fine = 100 * 100 * 2 * 3 * sizeof(uint32_t);
-    ShadowConfig config = small();
-    const auto system = make(store, config);
+    ShadowConfig config = spotConfig();
+    const auto system = systemOn(store, config);
     EXPECT_LT(system->advance(still).value().bytesUploaded, fine);
     ASSERT_TRUE(system->addSpot(light));
     const auto report = system->advance(still).value();
@@ -384,7 +375,7 @@ TEST(SpotLights, LevelsThatOnlyALightDrawsAreUploadedForIt) {
     EXPECT_EQ(system->verify().value().differing, 0u);
 
     config.geometryBytes = fine;  // without its positions
-    const auto tight = make(store, config);
+    const auto tight = systemOn(store, config);
     SpotLight higher = light;
     higher.position.y = 29;  // where the coarse level will do
     ASSERT_TRUE(tight->addSpot(higher));

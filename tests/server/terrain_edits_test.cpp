@@ -20,6 +20,7 @@ using server::FrameReport;
 using server::Light;
 using server::ShadowConfig;
 using server::ShadowSystem;
+using tests::systemOn;
 using world::Capsule;
 using world::EditKind;
 using world::Sphere;
@@ -30,7 +31,7 @@ constexpr int32_t kSide = 32;
 constexpr double kVoxel = 2, kEdge = kSide * kVoxel;
 const glm::dvec3 kMiddle(160, 10, 160);
 
-ShadowConfig small() {
+ShadowConfig editConfig() {
     ShadowConfig config;
     config.cascades = 3;
     config.side = 128;
@@ -50,13 +51,6 @@ const std::string& hillsPath() {
 const world::WorldStore& hills() {
     static const world::WorldStore store = std::move(world::WorldStore::open(hillsPath()).value());
     return store;
-}
-
-std::unique_ptr<ShadowSystem> make(const world::WorldStore& store, const ShadowConfig& config,
-                                   world::WorldEditor* editor = nullptr) {
-    auto system = ShadowSystem::create(tests::validatedDevice(), store, config, editor);
-    if (!system) throw std::runtime_error(system.error().what);
-    return std::move(system.value());
 }
 
 FrameReport frame(ShadowSystem& system, glm::dvec3 eye, glm::dvec3 sun = glm::dvec3(0)) {
@@ -139,7 +133,7 @@ TEST(TerrainEdits, OpenACaveToTheLight) {
     auto editor = world::WorldEditor::open(path);
     auto store = world::WorldStore::open(path);
     ASSERT_TRUE(editor && store);
-    const auto system = make(store.value(), small(), &editor.value());
+    const auto system = systemOn(store.value(), editConfig(), &editor.value());
     const std::vector<glm::dvec3> points = cavePoints();
     const TerrainEdit edits[] = {
         {EditKind::kDig, Capsule{kCave - glm::dvec3(14, 0, 0), kCave + glm::dvec3(14, 0, 0), 5}},
@@ -172,8 +166,8 @@ TEST(TerrainEdits, OpenACaveToTheLight) {
 }
 
 TEST(TerrainEdits, AreExactAndCostWhatTheyChange) {
-    ShadowConfig config = small();
-    const auto system = make(hills(), config);
+    ShadowConfig config = editConfig();
+    const auto system = systemOn(hills(), config);
     culling::SpotLight lamp;
     lamp.position = kMiddle + glm::dvec3(5, 25, 0);
     lamp.direction = {0, -1, 0};
@@ -209,9 +203,9 @@ TEST(TerrainEdits, AreExactAndCostWhatTheyChange) {
 }
 
 TEST(TerrainEdits, StayExactWithBudgetsSleepersAndAMovingSun) {
-    ShadowConfig config = small();
+    ShadowConfig config = editConfig();
     config.movingSun = true;
-    const auto system = make(hills(), config);
+    const auto system = systemOn(hills(), config);
     Edits edits(kMiddle, 60, 12);
     std::mt19937 rng(13);
     double turn = 1;
@@ -239,9 +233,9 @@ TEST(TerrainEdits, StayExactWithBudgetsSleepersAndAMovingSun) {
 }
 
 TEST(TerrainEdits, ADeafEditIsSeen) {
-    ShadowConfig config = small();
+    ShadowConfig config = editConfig();
     config.sabotage = cache::Sabotage::kDeafDeparture;
-    const auto system = make(hills(), config);
+    const auto system = systemOn(hills(), config);
     frame(*system, kMiddle);
     ASSERT_EQ(differing(*system), 0u);
     ASSERT_TRUE(system->edit({EditKind::kFill, Sphere{kMiddle, 12}}));
@@ -251,14 +245,14 @@ TEST(TerrainEdits, ADeafEditIsSeen) {
 }
 
 TEST(TerrainEdits, TakeDownWhatTheOldGroundProved) {
-    ShadowConfig config = small();
+    ShadowConfig config = editConfig();
     // What lies buried in the middle of a chunk comes to light.
     const glm::dvec3 middle(2.5 * kEdge, 0, 2.5 * kEdge);
     const world::Chunk chunk = hills().readChunk({2, 0, 2}).value();
     const glm::dvec3 buried = chunk.instances[1].placement.translation;
     for (const bool sticky : {false, true}) {
         if (sticky) config.sabotage = cache::Sabotage::kStickyCertificate;
-        const auto system = make(hills(), config);
+        const auto system = systemOn(hills(), config);
         while (frame(*system, middle).rays > 0) {  // a frame has its share of the search
         }
         ASSERT_EQ(differing(*system), 0u);
@@ -270,7 +264,7 @@ TEST(TerrainEdits, TakeDownWhatTheOldGroundProved) {
 }
 
 TEST(TerrainEdits, ComeAgainWithTheirChunk) {
-    ShadowConfig config = small();
+    ShadowConfig config = editConfig();
     config.farDistance = 20;  // so that chunks come and go
     const std::string path = tests::temporary("edits_again.world");
     std::filesystem::copy_file(hillsPath(), path);
@@ -286,10 +280,10 @@ TEST(TerrainEdits, ComeAgainWithTheirChunk) {
             for (int c = 0; c < config.cascades; ++c) all.push_back(system.mapHash(c, gpu::MapKind::kCache).value());
             return all;
         };
-        const auto make_ = [&] { return make(store.value(), config, editor ? &*editor : nullptr); };
+        const auto make_ = [&] { return systemOn(store.value(), config, editor ? &*editor : nullptr); };
         std::vector<uint64_t> unedited, expected;
         {
-            const auto system = make(store.value(), config);
+            const auto system = systemOn(store.value(), config);
             frame(*system, here);
             unedited = hashes(*system);
             ASSERT_TRUE(system->edit(edit));
@@ -318,7 +312,7 @@ TEST(TerrainEdits, ComeAgainWithTheirChunk) {
         // And in the next life of the world.
         const auto reopened = world::WorldStore::open(path);
         ASSERT_TRUE(reopened);
-        const auto system = make(reopened.value(), config);
+        const auto system = systemOn(reopened.value(), config);
         frame(*system, here);
         EXPECT_EQ(hashes(*system), expected);
         for (const world::Error& finding : reopened.value().check()) ADD_FAILURE() << finding.what;
@@ -327,10 +321,10 @@ TEST(TerrainEdits, ComeAgainWithTheirChunk) {
 }
 
 TEST(TerrainEdits, CallInAChunkThatGrewIntoTheLight) {
-    ShadowConfig config = small();
+    ShadowConfig config = editConfig();
     config.farDistance = 20;
     config.sun = glm::normalize(glm::dvec3(1, -0.25, 0));
-    const auto system = make(hills(), config);
+    const auto system = systemOn(hills(), config);
     // The light that reaches the eye passes 67 m above the tower's foot, where nothing was that high.
     const glm::dvec3 eye(300, 0, 160), foot(32, 0, 160);
     EXPECT_GT(frame(*system, eye).chunkArrivals, 0u);
@@ -345,7 +339,7 @@ TEST(TerrainEdits, GiveTheSamePlansOnAnyNumberOfThreads) {
     std::vector<uint64_t> expected;
     for (const size_t threads : {1, 2, 7}) {
         const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-        const auto system = make(hills(), small());
+        const auto system = systemOn(hills(), editConfig());
         Edits edits(kMiddle, 50, 14);
         std::vector<uint64_t> hashes;
         for (int n = 0; n < 12; ++n) {
@@ -360,7 +354,7 @@ TEST(TerrainEdits, GiveTheSamePlansOnAnyNumberOfThreads) {
 }
 
 TEST(TerrainEdits, BadOnesAreRefusedAtOnce) {
-    const auto system = make(hills(), small());
+    const auto system = systemOn(hills(), editConfig());
     frame(*system, kMiddle);
     const double nan = std::numeric_limits<double>::quiet_NaN();
     const auto code = [&](const TerrainEdit& edit) {
@@ -384,7 +378,7 @@ TEST(TerrainEdits, AnEditThatCannotBeWrittenChangesNothing) {
     auto editor = world::WorldEditor::open(path);
     auto store = world::WorldStore::open(path);
     ASSERT_TRUE(editor && store);
-    const auto system = make(store.value(), small(), &editor.value());
+    const auto system = systemOn(store.value(), editConfig(), &editor.value());
     frame(*system, kMiddle);
     rlimit old{};
     ::getrlimit(RLIMIT_FSIZE, &old);
@@ -409,12 +403,12 @@ TEST(TerrainEdits, AnEditThatCannotBeWrittenChangesNothing) {
 TEST(TerrainEdits, CountToTheMemoryBudget) {
     uint64_t need = 0;
     {
-        const auto roomy = make(hills(), small());
+        const auto roomy = systemOn(hills(), editConfig());
         need = frame(*roomy, kMiddle).residentBytes;
     }
-    ShadowConfig config = small();
+    ShadowConfig config = editConfig();
     config.residentBytes = need + need / 2;  // what is there must shrink
-    const auto system = make(hills(), config);
+    const auto system = systemOn(hills(), config);
     frame(*system, kMiddle);
     Edits edits(kMiddle, 150, 5);
     std::vector<world::Error> errors;

@@ -99,4 +99,18 @@ inline world::BakeSource streets(glm::dvec3 origin) {
     return source;
 }
 
+/// Streets around the origin, baked once.
+inline const world::WorldStore& streetsWorld() {
+    static const world::WorldStore store = baked(streets(glm::dvec3(0)), "streets.world");
+    return store;
+}
+
+/// On the validated device.
+inline std::unique_ptr<server::ShadowSystem> systemOn(const world::WorldStore& store, const server::ShadowConfig& config,
+                                                      world::WorldEditor* editor = nullptr) {
+    auto system = server::ShadowSystem::create(validatedDevice(), store, config, editor);
+    if (!system) throw std::runtime_error(system.error().what);
+    return std::move(system.value());
+}
+
 }  // namespace tests

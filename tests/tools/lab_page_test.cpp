@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/tools/lab_records.h"
+#include "tests/tools/page_data.h"
 
 namespace {
 
@@ -20,17 +21,9 @@ size_t count(const std::string& text, const std::string& word) {
 }
 
 /// What a browser takes for the data: up to the first end of its element.
-nlohmann::json dataOf(const std::string& page) {
-    const std::string head = "<script type=\"application/json\" id=\"data\">";
-    const size_t begin = page.find(head);
-    EXPECT_NE(begin, std::string::npos);
-    const size_t from = begin + head.size();
-    return nlohmann::json::parse(page.substr(from, page.find("</script", from) - from), nullptr, false);
-}
-
 TEST(LabPage, HoldsEveryFigureOfEveryMethod) {
     const std::vector<tools::lab::MethodRecord> methods{someMethod("one", 1), someMethod("two", 2)};
-    const auto data = dataOf(tools::lab::labPage(someRun(), methods));
+    const auto data = tools_test::dataOf(tools::lab::labPage(someRun(), methods));
     ASSERT_TRUE(data.is_object());
     EXPECT_EQ(data["run"]["world"], "town.world");
     EXPECT_EQ(data["run"]["sun"], (std::vector<double>{0.6, -0.8, 0}));
@@ -65,8 +58,8 @@ TEST(LabPage, HoldsEveryFigureOfEveryMethod) {
 
 TEST(LabPage, HoldsEveryClaimOfTheSuite) {
     const auto records = tests::someClaims(1);
-    EXPECT_EQ(dataOf(tools::lab::labPage(someRun(), {}))["claims"], nlohmann::json::array());
-    const auto shown = dataOf(tools::lab::labPage(someRun(), {}, {}, records))["claims"];
+    EXPECT_EQ(tools_test::dataOf(tools::lab::labPage(someRun(), {}))["claims"], nlohmann::json::array());
+    const auto shown = tools_test::dataOf(tools::lab::labPage(someRun(), {}, {}, records))["claims"];
     ASSERT_EQ(shown.size(), records.size());
     for (size_t k = 0; k < records.size(); ++k) {
         const tools::lab::ClaimRecord& r = records[k];
@@ -78,8 +71,8 @@ TEST(LabPage, HoldsEveryClaimOfTheSuite) {
 
 TEST(LabPage, HoldsEveryFigureOfOcclusion) {
     const auto records = tests::someOcclusion(1);
-    EXPECT_EQ(dataOf(tools::lab::labPage(someRun(), {}))["occlusion"], nlohmann::json::array());
-    const auto shown = dataOf(tools::lab::labPage(someRun(), {}, records))["occlusion"];
+    EXPECT_EQ(tools_test::dataOf(tools::lab::labPage(someRun(), {}))["occlusion"], nlohmann::json::array());
+    const auto shown = tools_test::dataOf(tools::lab::labPage(someRun(), {}, records))["occlusion"];
     ASSERT_EQ(shown.size(), records.size());
     for (size_t k = 0; k < records.size(); ++k) {
         const tools::lab::OcclusionRecord &r = records[k], &drawn = records[0];
@@ -104,7 +97,7 @@ TEST(LabPage, NoTextCanEndItsScript) {
     EXPECT_EQ(count(page, "</SCRIPT"), 0u);
     EXPECT_EQ(count(page, "<!--"), count(plain, "<!--"));
     EXPECT_EQ(count(page, "@DATA@"), 1u) << "a mark within the data is no mark";
-    const auto data = dataOf(page);
+    const auto data = tools_test::dataOf(page);
     ASSERT_TRUE(data.is_object());
     EXPECT_EQ(data["run"]["world"], run.world);
     EXPECT_EQ(data["methods"][0]["name"], name);

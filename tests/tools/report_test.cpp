@@ -11,6 +11,7 @@
 #include <sstream>
 
 #include "tests/server/worlds.h"
+#include "tests/tools/page_data.h"
 #include "tests/tools/synthetic_frames.h"
 #include "tests/world/random_world.h"
 #include "tools/input_hash.h"
@@ -389,18 +390,12 @@ TEST(ReportExport, AnAnimationHoldsEachPicture) {
         EXPECT_FALSE(tools::report::animated({{pngs[0].begin(), pngs[0].begin() + ptrdiff_t(size)}}, 0.5)) << size;
 }
 
-nlohmann::json dataOf(const std::string& page) {
-    const std::string head = "<script type=\"application/json\" id=\"data\">";
-    const size_t from = page.find(head) + head.size();
-    return nlohmann::json::parse(page.substr(from, page.find("</script", from) - from), nullptr, false);
-}
-
 TEST(ReportPage, ShowsWhatTheFramesSay) {
     std::vector<RunFile> runs;
     runs.push_back(open(base().file));
     const auto page = tools::report::reportPage(runs, kQuiet);
     ASSERT_TRUE(page) << page.error().what;
-    const auto run = dataOf(page.value().html)["runs"][0];
+    const auto run = tools_test::dataOf(page.value().html)["runs"][0];
     ASSERT_TRUE(run.is_object());
     EXPECT_EQ(run["series"]["share"], 1);
     ASSERT_EQ(run["series"]["first"].size(), 120u);
@@ -464,7 +459,7 @@ TEST(ReportPage, LongRunsShareTheirPoints) {
     runs.push_back(open(file));
     const auto page = tools::report::reportPage(runs, kQuiet);
     ASSERT_TRUE(page);
-    const auto run = dataOf(page.value().html)["runs"][0];
+    const auto run = tools_test::dataOf(page.value().html)["runs"][0];
     ASSERT_TRUE(run.is_object());
     const auto share = run["series"]["share"].get<uint64_t>();
     EXPECT_EQ(share, 5u);

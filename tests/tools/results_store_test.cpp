@@ -27,7 +27,7 @@ using tools::RunRecord;
 using tools::report::FrameRow;
 using tools::report::RunFile;
 
-RunRecord someRun(const std::string& name = "") {
+RunRecord madeUpRun(const std::string& name = "") {
     RunRecord run;
     run.kind = "replay";
     run.name = name;
@@ -112,16 +112,16 @@ TEST(ResultsStore, FramesComeBackAsTheyWereAdded) {
         ASSERT_TRUE(store.value().add(tools::DumpedPicture{12, 1, {std::byte{1}, std::byte{2}}}));
         ASSERT_TRUE(store.value().add(tests::someMethod("one", 1)));
         ASSERT_TRUE(store.value().add(tests::someMethod("one", 1))) << "names may come twice";
-        const auto number = store.value().commit(someRun());
+        const auto number = store.value().commit(madeUpRun());
         ASSERT_TRUE(number) << number.error().what;
         EXPECT_EQ(number.value(), 1);
     }
     auto run = RunFile::open(file);
     ASSERT_TRUE(run) << run.error().what;
     EXPECT_EQ(run.value().name(), file + "#1");
-    EXPECT_EQ(run.value().record().world, someRun().world);
+    EXPECT_EQ(run.value().record().world, madeUpRun().world);
     EXPECT_EQ(run.value().record().wallSeconds, 1.5);
-    EXPECT_EQ(run.value().record().key(), someRun().key());
+    EXPECT_EQ(run.value().record().key(), madeUpRun().key());
     const tools::ResultColumns columns = tools::resultColumns();
     const std::vector<FrameRow> rows = framesOf(file);
     ASSERT_EQ(rows.size(), frames.size());
@@ -178,9 +178,9 @@ TEST(ResultsStore, ARunThatDidNotEndIsNotThere) {
     // Neither are its rows in the next one.
     auto store = ResultsStore::open(file);
     addFrames(store.value(), 2, 5, 2);
-    ASSERT_TRUE(store.value().commit(someRun("first")));
+    ASSERT_TRUE(store.value().commit(madeUpRun("first")));
     addFrames(store.value(), 3, 7, 2);
-    ASSERT_EQ(store.value().commit(someRun("second")).value(), 2);
+    ASSERT_EQ(store.value().commit(madeUpRun("second")).value(), 2);
     EXPECT_EQ(framesOf(file + "#1").size(), 5u);
     EXPECT_EQ(framesOf(file).size(), 7u);
     EXPECT_EQ(folder.list(), std::vector<std::string>{"r.sqlite"}) << "one file, even while it is open";
@@ -193,8 +193,8 @@ TEST(ResultsStore, RunsUnderWaySideBySideDoNotWaitForEachOther) {
     ASSERT_TRUE(one && two);
     addFrames(one.value(), 2, 10, 2);
     addFrames(two.value(), 3, 20, 2);
-    EXPECT_EQ(two.value().commit(someRun()).value(), 1);
-    EXPECT_EQ(one.value().commit(someRun()).value(), 2);
+    EXPECT_EQ(two.value().commit(madeUpRun()).value(), 1);
+    EXPECT_EQ(one.value().commit(madeUpRun()).value(), 2);
     EXPECT_EQ(framesOf(file + "#1").size(), 20u);
     EXPECT_EQ(framesOf(file + "#2").size(), 10u);
     // Equal input: repetitions, whatever was measured.
@@ -208,7 +208,7 @@ TEST(ResultsStore, OnlyMeasuredColumnsDifferBetweenEqualRuns) {
     ASSERT_TRUE(store);
     for (const uint32_t noise : {5u, 6u}) {
         addFrames(store.value(), noise, 20, 2);
-        ASSERT_TRUE(store.value().commit(someRun()));
+        ASSERT_TRUE(store.value().commit(madeUpRun()));
     }
     auto database = tools::openResults(folder.file("r.sqlite"));
     for (const std::string table : {"frame", "cascade", "cause", "caster"}) {
@@ -251,7 +251,7 @@ TEST(ResultsStore, LongRunsTakeNoMoreMemory) {
     add(1000);
     const size_t before = resident();
     add(12000);
-    ASSERT_TRUE(store.value().commit(someRun()));
+    ASSERT_TRUE(store.value().commit(madeUpRun()));
     EXPECT_GT(std::filesystem::file_size(folder.file("r.sqlite")), 12'000'000u);
     // Caches of pages of both databases are 2 MB each; the allocator may hold as much again.
     EXPECT_LT(resident(), before + (8u << 20));
@@ -282,7 +282,7 @@ TEST(ResultsStore, WhatIsNoResultsFileIsRefusedAndLeftAlone) {
     {
         auto store = ResultsStore::open(file);
         addFrames(store.value(), 1, 50, 2);
-        ASSERT_TRUE(store.value().commit(someRun()));
+        ASSERT_TRUE(store.value().commit(madeUpRun()));
     }
     const std::string whole = world_tests::readFile(file);
     ASSERT_TRUE(world::Database::openEmpty(file).value().run("PRAGMA user_version=9"));
@@ -318,13 +318,13 @@ TEST(ResultsStore, SaysThatAFileIsLocked) {
     auto other = world::Database::openEmpty(file);
     ASSERT_TRUE(other.value().run("BEGIN IMMEDIATE"));
     store.value().waitAtMost(100);
-    const auto committed = store.value().commit(someRun());
+    const auto committed = store.value().commit(madeUpRun());
     ASSERT_FALSE(committed);
     EXPECT_EQ(committed.error().code, world::ErrorCode::kIo);
     EXPECT_NE(committed.error().what.find(file), std::string::npos);
     EXPECT_NE(committed.error().what.find("locked"), std::string::npos) << committed.error().what;
     ASSERT_TRUE(other.value().run("ROLLBACK"));
-    EXPECT_EQ(store.value().commit(someRun()).value(), 1) << "the rows are still there";
+    EXPECT_EQ(store.value().commit(madeUpRun()).value(), 1) << "the rows are still there";
     EXPECT_EQ(framesOf(file).size(), 5u);
 }
 

@@ -21,7 +21,7 @@ using tools::TruthQuestion;
 using tools::TruthStore;
 using world_tests::TempFolder;
 
-constexpr double kFar = 40, kDisk = 0.05;  // [m], [rad]
+constexpr double kReach = 40, kDisk = 0.05;  // [m], [rad]
 constexpr int kDirections = 20;
 constexpr uint64_t kKey = 0xfedcba9812345678u, kLater = 7;
 
@@ -32,18 +32,18 @@ T taken(world::Result<T> result) {
 }
 
 /// A box on the ground, seen by a small camera: with sky, and a point in each state.
-struct Scene {
-    Scene() {
+struct TracedBox {
+    TracedBox() {
         const uint32_t ground = truth->addMesh(tests::sheetMesh(200, 1).levels[0]).value();
         const uint32_t box = truth->addMesh(tests::boxMesh({2, 4, 2}).levels[0]).value();
         CHECK(truth->add(0, ground, {}) && truth->add(1, box, tests::placedAt({0, 2, 0})));
     }
-    world::Result<TruthFrame> frame() { return truth->trace(view, 15, 10, kFar, sun); }
+    world::Result<TruthFrame> frame() { return truth->trace(view, 15, 10, kReach, sun); }
     world::Result<std::vector<Sunlight>> revisit(const TruthFrame& before) {
         std::vector<culling::SurfacePoint> points;
         for (size_t i = 0; i < before.states.size(); ++i)
             if (before.states[i] != Sunlight::kSky) points.push_back(surfaceAt(before, i));
-        return truth->revisit(points, view, kFar, sun, {});
+        return truth->revisit(points, view, kReach, sun, {});
     }
     std::unique_ptr<culling::Truth> truth = std::move(culling::Truth::create().value());
     const culling::View view{{-6, 3, 6}, glm::angleAxis(-0.8, glm::dvec3(0, 1, 0)), 1, 1.5};
@@ -60,7 +60,7 @@ std::function<world::Result<T>()> never() {
 
 TEST(TruthStore, GivesBackWhatWasTraced) {
     const TempFolder folder;
-    Scene scene;
+    TracedBox scene;
     const TruthFrame frame = scene.frame().value();
     const std::set<Sunlight> states(frame.states.begin(), frame.states.end());
     ASSERT_EQ(states.size(), 4u) << "a scene without one of the states proves less";
@@ -95,7 +95,7 @@ TEST(TruthStore, GivesBackWhatWasTraced) {
 
 TEST(TruthStore, TracesAnewWhatIsDamagedAndSaysSo) {
     const TempFolder folder;
-    Scene scene;
+    TracedBox scene;
     const TruthFrame frame = scene.frame().value();
     TruthStore store = taken(TruthStore::open(folder.file("truths")));
     const auto trace = [&] { return scene.frame(); };
@@ -189,7 +189,7 @@ TEST(TruthStore, AnotherQuestionHasAnotherKey) {
 
 TEST(TruthStore, KeepsNothingOfATraceThatFails) {
     const TempFolder folder;
-    Scene scene;
+    TracedBox scene;
     TruthStore store = taken(TruthStore::open(folder.file("truths")));
     const auto failed = store.frame(
         kKey, [] { return world::Result<TruthFrame>(world::Error{world::ErrorCode::kDevice, "no rays today"}); });

@@ -18,7 +18,7 @@ using Bytes = std::vector<std::byte>;
 
 constexpr float kInf = std::numeric_limits<float>::infinity();
 
-Box randomBox(std::mt19937& rng) {
+Box anyBox(std::mt19937& rng) {
     std::uniform_real_distribution<double> at(-1e6, 1e6);
     Box box;
     if (rng() % 8 == 0) return box;
@@ -31,7 +31,7 @@ Box randomBox(std::mt19937& rng) {
 Header randomHeader(std::mt19937& rng) {
     Header header;
     header.chunkSize = 1 + rng() % 1000;
-    header.bounds = randomBox(rng);
+    header.bounds = anyBox(rng);
     header.sun = rng() % 2 ? glm::normalize(glm::dvec3(0.3, -1, 0.2)) : glm::dvec3(0);
     header.voxel = rng() % 4;
     header.source = std::string(rng() % 20, 'x');
@@ -53,7 +53,7 @@ std::vector<ChunkRecord> randomDirectory(std::mt19937& rng) {
     for (ChunkRecord& r : records) {
         r.key = {x, static_cast<int32_t>(rng()), static_cast<int32_t>(rng())};
         x += 1 + static_cast<int32_t>(rng() % 100);
-        r.bounds = randomBox(rng);
+        r.bounds = anyBox(rng);
         r.instances = rng();
         r.terrain = randomLevels(rng() % 5, rng);
         for (uint32_t id = rng() % 3; r.meshes.size() < rng() % 5; id += 1 + rng() % 9)
@@ -65,7 +65,7 @@ std::vector<ChunkRecord> randomDirectory(std::mt19937& rng) {
 std::vector<MeshRecord> randomTable(std::mt19937& rng) {
     std::vector<MeshRecord> records(rng() % 5);
     for (MeshRecord& r : records) {
-        r.bounds = randomBox(rng);
+        r.bounds = anyBox(rng);
         r.levels = randomLevels(1 + rng() % 4, rng);
     }
     return records;

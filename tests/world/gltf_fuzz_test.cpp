@@ -55,13 +55,13 @@ void tryOpen(const TempFolder& folder, std::string_view bytes) {
     }
 }
 
-Result<BakeSource> open(const GltfBuilder& builder) {
+Result<BakeSource> opened(const GltfBuilder& builder) {
     const TempFolder folder;
     return openGltf(folder.write("world.glb", builder.glb()), {});
 }
 
 void expectError(const GltfBuilder& builder, ErrorCode code, const std::string& says) {
-    const Result<BakeSource> source = open(builder);
+    const Result<BakeSource> source = opened(builder);
     ASSERT_FALSE(source) << says;
     EXPECT_EQ(source.error().code, code) << source.error().what;
     EXPECT_NE(source.error().what.find(says), std::string::npos)
@@ -70,7 +70,7 @@ void expectError(const GltfBuilder& builder, ErrorCode code, const std::string& 
 }
 
 TEST(GltfFuzz, TheSceneItselfIsSound) {
-    const Result<BakeSource> source = open(smallScene());
+    const Result<BakeSource> source = opened(smallScene());
     ASSERT_TRUE(source) << source.error().what;
     expectSound(source.value());
     EXPECT_EQ(listAll(source.value()).size(), 3u);
@@ -340,7 +340,7 @@ TEST(GltfFuzz, ManyNodesInAChainAreNoRecursion) {
             node["mesh"] = mesh;
         b.node(node);
     }
-    const Result<BakeSource> source = open(b);
+    const Result<BakeSource> source = opened(b);
     ASSERT_TRUE(source) << source.error().what;
     EXPECT_EQ(listAll(source.value()).at(0).instance.placement.translation, glm::dvec3(0, 0, kNodes));
 }

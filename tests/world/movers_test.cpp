@@ -3,7 +3,6 @@
 #include "world/movers.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
@@ -13,25 +12,16 @@
 #include <map>
 #include <random>
 
+#include "tests/world/temp_file.h"
+
 namespace world {
 namespace {
 
 const std::string kHead = "time,id,node_or_mesh,x,y,z,qx,qy,qz,qw,scale\n";
 
 /// A file that goes with the test.
-class TempFile {
-public:
-    TempFile() : path_(testing::TempDir() + "movers_test_" + std::to_string(::getpid()) + ".csv") {}
-    ~TempFile() { std::filesystem::remove(path_); }
-    const std::string& path() const { return path_; }
-    void write(std::string_view text) const { std::ofstream(path_, std::ios::binary) << text; }
-
-private:
-    std::string path_;
-};
-
 Result<std::vector<MoverTrack>> readText(std::string_view text) {
-    const TempFile file;
+    const test::TempFile file("movers.csv");
     file.write(text);
     return readMovers(file.path());
 }
@@ -58,7 +48,7 @@ TEST(Movers, ReadBackWhatTheyWrote) {
         for (int i = 0; i < 100; ++i) track.samples.push_back(randomSample(rng, time += step(rng)));
         tracks.push_back(track);
     }
-    const TempFile file;
+    const test::TempFile file("movers.csv");
     ASSERT_TRUE(writeMovers(file.path(), tracks));
     const Result<std::vector<MoverTrack>> read = readMovers(file.path());
     ASSERT_TRUE(read) << read.error().what;
@@ -135,7 +125,7 @@ TEST(Movers, NameTheBadRow) {
 
 TEST(Movers, SurviveTruncationAtEveryLength) {
     const std::string text = kHead + "0,0,\"a \"\"b\"\"\",0,0,0,0,0,0,1,1.5\n0.5,0,c,1,2,3,0,0,1,0,1\n";
-    const TempFile file;
+    const test::TempFile file("movers.csv");
     for (size_t length = 0; length <= text.size(); ++length) {
         file.write(std::string_view(text).substr(0, length));
         const auto tracks = readMovers(file.path());
@@ -175,7 +165,7 @@ TEST(Movers, SurviveRandomBytes) {
 }
 
 TEST(Movers, RefuseToWriteWhatTheyWouldNotRead) {
-    const TempFile file;
+    const test::TempFile file("movers.csv");
     for (const MoverTrack& track :
          {MoverTrack{"", {MoverSample{}}}, MoverTrack{"two\nlines", {MoverSample{}}},
           MoverTrack{"a", {MoverSample{std::nan("")}}}}) {

@@ -3,7 +3,6 @@
 #include "world/path.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -11,23 +10,14 @@
 #include <fstream>
 #include <random>
 
+#include "tests/world/temp_file.h"
+
 namespace world {
 namespace {
 
 /// A file that goes with the test.
-class TempFile {
-public:
-    TempFile() : path_(testing::TempDir() + "path_test_" + std::to_string(::getpid()) + ".tum") {}
-    ~TempFile() { std::filesystem::remove(path_); }
-    const std::string& path() const { return path_; }
-    void write(std::string_view text) const { std::ofstream(path_, std::ios::binary) << text; }
-
-private:
-    std::string path_;
-};
-
 Error errorOf(std::string_view text) {
-    const TempFile file;
+    const test::TempFile file("path.tum");
     file.write(text);
     const Result<std::vector<Pose>> poses = readTum(file.path());
     EXPECT_FALSE(poses) << text;
@@ -47,7 +37,7 @@ TEST(Path, ReadsBackWhatItWrote) {
         double time = -3;
         for (size_t i = 0; i < count; ++i)
             poses.push_back({time += step(rng), {place(rng), place(rng), place(rng)}, randomTurn(rng)});
-        const TempFile file;
+        const test::TempFile file("path.tum");
         ASSERT_TRUE(writeTum(file.path(), poses));
         const Result<std::vector<Pose>> read = readTum(file.path());
         ASSERT_TRUE(read) << read.error().what;
@@ -61,7 +51,7 @@ TEST(Path, ReadsBackWhatItWrote) {
 }
 
 TEST(Path, TakesWhatOthersWrite) {
-    const TempFile file;
+    const test::TempFile file("path.tum");
     file.write(
         "\xef\xbb\xbf# a comment\r\n\r\n  0.5\t1 2 +3   0 0 0 1.0005 # and one here\r\n"
         "1e0 1 2 3 0 0 0 -0.9995");
@@ -106,7 +96,7 @@ TEST(Path, NamesTheBadLine) {
 
 TEST(Path, SurvivesTruncationAtEveryLength) {
     const std::string text = "# path\n0 1 2 3 0 0 0 1\n1.5 4 5 6 0 0 1 0\n";
-    const TempFile file;
+    const test::TempFile file("path.tum");
     for (size_t length = 0; length <= text.size(); ++length) {
         file.write(std::string_view(text).substr(0, length));
         const Result<std::vector<Pose>> poses = readTum(file.path());
@@ -131,7 +121,7 @@ TEST(Path, SaysWhichFileIsMissing) {
 }
 
 TEST(Path, RefusesToWriteWhatItWouldNotRead) {
-    const TempFile file;
+    const test::TempFile file("path.tum");
     file.write("precious");
     const Result<Done> written = writeTum(file.path(), {Pose{0, {std::nan(""), 0, 0}, {1, 0, 0, 0}}});
     ASSERT_FALSE(written);

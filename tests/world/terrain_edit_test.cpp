@@ -18,19 +18,19 @@
 namespace world {
 namespace {
 
-constexpr double kVoxel = 2;
+constexpr double kEditVoxel = 2;
 
 using Formula = std::function<double(glm::dvec3)>;
 
 Header headerOf(int32_t side) {
     Header header;
-    header.chunkSize = side * kVoxel;
-    header.voxel = kVoxel;
+    header.chunkSize = side * kEditVoxel;
+    header.voxel = kEditVoxel;
     return header;
 }
 
 LevelSet setOf(const Formula& formula, ChunkKey key, int32_t side) {
-    return sampleLevelSet(test::fieldOf(formula, -60, 60), key, side, kVoxel).value();
+    return sampleLevelSet(test::fieldOf(formula, -60, 60), key, side, kEditVoxel).value();
 }
 
 /// Signed distance to the shape, told in another way than the edits tell it.
@@ -112,7 +112,7 @@ TEST(TerrainEdit, GivesTheSamplesOfTheFormula) {
         Formula formula = test::hillsWithCave;
         const ChunkKey key{1, 0, -2};
         LevelSet set = setOf(formula, key, side);
-        const double edge = side * kVoxel;
+        const double edge = side * kEditVoxel;
         for (int n = 0; n < 12; ++n) {
             // Some lie beyond the border, some over it.
             const TerrainEdit edit = edits.any(formula, {edge * 0.9, -edge * 2.1}, {edge * 2.1, -edge * 0.9});
@@ -139,7 +139,7 @@ TEST(TerrainEdit, GivesTheSamplesOfTheFormula) {
 TEST(TerrainEdit, ChunksKnowTheSameSamplesAndOnlyThoseNamedChange) {
     Edits edits(4);
     for (const int32_t side : {32, 20}) {
-        const double edge = side * kVoxel;
+        const double edge = side * kEditVoxel;
         std::map<ChunkKey, LevelSet> sets;
         for (int x = -1; x < 2; ++x)
             for (int z = -1; z < 2; ++z) sets[{x, 0, z}] = setOf(test::hillsWithCave, {x, 0, z}, side);
@@ -240,12 +240,12 @@ TEST(TerrainEdit, ChangesTrianglesNearItAlone) {
         const Mesh mesh = terrainMesh(now);
         // The cells around a changed sample and the skirt that hangs from them; a leaf of merged cells on either side,
         // which is twice as large on the coarse lattice.
-        const double room[] = {3 * kVoxel, (kLeafSide + 3) * kVoxel, 2 * (2 * kLeafSide + 3) * kVoxel};
+        const double room[] = {3 * kEditVoxel, (kLeafSide + 3) * kEditVoxel, 2 * (2 * kLeafSide + 3) * kEditVoxel};
         const bool sameLevels = before.levels.size() == mesh.levels.size();
         for (size_t k = 0; k < (sameLevels ? 3 : 2); ++k) {
             const Box box = changedBox(before.levels[k], mesh.levels[k]);
             if (box.empty()) continue;
-            const Box reach = grown(boundsOf(edit), kBandVoxels * kVoxel + room[k]);
+            const Box reach = grown(boundsOf(edit), kBandVoxels * kEditVoxel + room[k]);
             for (int axis = 0; axis < 3; ++axis) {
                 EXPECT_GE(box.min[axis], reach.min[axis]) << "edit " << n << " level " << k << " axis " << axis;
                 EXPECT_LE(box.max[axis], reach.max[axis]) << "edit " << n << " level " << k << " axis " << axis;
@@ -257,7 +257,7 @@ TEST(TerrainEdit, ChangesTrianglesNearItAlone) {
 
 TEST(TerrainEdit, LetsNoLightThroughBetweenChunks) {
     constexpr int32_t kSide = 32;
-    constexpr double kEdge = kSide * kVoxel;
+    constexpr double kEdge = kSide * kEditVoxel;
     Edits edits(7);
     Formula formula = test::hillsWithCave;
     std::vector<LevelSet> sets;
@@ -270,7 +270,7 @@ TEST(TerrainEdit, LetsNoLightThroughBetweenChunks) {
         for (size_t i = 0; i < 4; ++i) sets[i] = edited(sets[i], {int32_t(i) % 2, 0, int32_t(i) / 2}, edit).value();
         formula = after(formula, edit);
     }
-    const test::Ground ground{formula, kEdge, kVoxel};
+    const test::Ground ground{formula, kEdge, kEditVoxel};
     float error = 0;
     std::vector<Mesh> chunks;
     for (const LevelSet& set : sets) {
@@ -279,7 +279,7 @@ TEST(TerrainEdit, LetsNoLightThroughBetweenChunks) {
     }
     for (size_t shift = 0; shift < 2; ++shift) {
         // Creases, which edits leave everywhere, are rounded off by up to a voxel.
-        const double bound = error + kVoxel;
+        const double bound = error + kEditVoxel;
         int rays = 0;
         EXPECT_EQ(leaks(quilt(chunks, ground, shift, test::Cut::kNothing), ground, bound, rays), 0) << "shift " << shift;
         EXPECT_GT(rays, 2000);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <glm/glm.hpp>
 
+#include "world/mesh.h"
 #include "world/terrain_field.h"
 
 namespace world::test {
@@ -38,6 +39,13 @@ TerrainField fieldOf(F f, double lowY, double highY) {
         }
         return block;
     };
+}
+
+/// In positions, indices and errors of all levels.
+inline bool sameMesh(const Mesh& a, const Mesh& b) {
+    return std::ranges::equal(a.levels, b.levels, [](const MeshLevel& x, const MeshLevel& y) {
+        return x.error == y.error && x.positions == y.positions && x.indices == y.indices;
+    });
 }
 
 }  // namespace world::test

@@ -27,24 +27,13 @@ TerrainChunk chunkOf(ChunkKey key) {
     return *made.value();
 }
 
-bool sameMesh(const Mesh& a, const Mesh& b) {
-    if (a.levels.size() != b.levels.size()) return false;
-    for (size_t i = 0; i < a.levels.size(); ++i) {
-        if (a.levels[i].error != b.levels[i].error || a.levels[i].positions != b.levels[i].positions ||
-            a.levels[i].indices != b.levels[i].indices) {
-            return false;
-        }
-    }
-    return true;
-}
-
 bool overColumn(glm::vec3 p) { return p.x >= 0 && p.z >= 0 && p.x <= kEdge && p.z <= kEdge; }
 
 TEST(Terrain, DecodedBandGivesTheBakedMeshAgain) {
     const TerrainChunk chunk = chunkOf({0, 0, 0});
     Result<LevelSet> set = decodeLevelSet(chunk.levelSet);
     ASSERT_TRUE(set);
-    EXPECT_TRUE(sameMesh(meshLevelSet(set.value()), chunk.mesh));
+    EXPECT_TRUE(test::sameMesh(meshLevelSet(set.value()), chunk.mesh));
 }
 
 TEST(Terrain, LevelsShrinkAndErrorsAscend) {
@@ -169,7 +158,7 @@ TEST(Terrain, IsTheSameAThousandKilometresAway) {
     const auto here = makeTerrain(hills(), {0, 0, 0}, kSide, kVoxel);
     const auto there = makeTerrain(moved, far, kSide, kVoxel);
     EXPECT_EQ(here.value()->levelSet, there.value()->levelSet);
-    EXPECT_TRUE(sameMesh(here.value()->mesh, there.value()->mesh));
+    EXPECT_TRUE(test::sameMesh(here.value()->mesh, there.value()->mesh));
 }
 
 TEST(Terrain, DoesNotDependOnThreads) {
@@ -178,7 +167,7 @@ TEST(Terrain, DoesNotDependOnThreads) {
         tbb::task_arena arena(threads);
         Mesh mesh;
         arena.execute([&] { mesh = chunkOf({0, 0, 0}).mesh; });
-        EXPECT_TRUE(sameMesh(mesh, expected)) << threads << " threads";
+        EXPECT_TRUE(test::sameMesh(mesh, expected)) << threads << " threads";
     }
 }
 

@@ -20,25 +20,16 @@ using world_tests::readFile;
 using world_tests::TempFolder;
 using world_tests::writeFile;
 
-constexpr int32_t kSide = 16;
-constexpr double kVoxel = 2, kEdge = kSide * kVoxel;
-constexpr int kChunks = 4;
+constexpr int32_t kVoxels = 16;
+constexpr double kVoxel = 2, kEdge = kVoxels * kVoxel;
+constexpr int kAlong = 4;
 
 void bakeHills(const std::string& path, double lift = 0) {
-    const auto stats = bake(test::hillsWorld(kChunks, kSide, kVoxel, lift), path, {});
+    const auto stats = bake(test::hillsWorld(kAlong, kVoxels, kVoxel, lift), path, {});
     ASSERT_TRUE(stats) << stats.error().what;
 }
 
 TerrainEdit dig(glm::dvec3 at, double radius) { return {EditKind::kDig, Sphere{at, radius}}; }
-
-bool sameMesh(const Mesh& a, const Mesh& b) {
-    if (a.levels.size() != b.levels.size()) return false;
-    for (size_t k = 0; k < a.levels.size(); ++k)
-        if (a.levels[k].error != b.levels[k].error || a.levels[k].positions != b.levels[k].positions ||
-            a.levels[k].indices != b.levels[k].indices)
-            return false;
-    return true;
-}
 
 void expectSound(const std::string& path) {
     const Result<WorldStore> store = WorldStore::open(path);
@@ -83,9 +74,9 @@ TEST(WorldEditor, LeavesASoundWorldWithTheEditsInIt) {
         const bool wasEdited = edited != last.end();
         const Chunk old = before.value().readChunk(record.key).value();  // which reads what is there now
         const Mesh& expected = wasEdited ? edited->second->terrain : old.terrain;
-        EXPECT_TRUE(sameMesh(chunk.terrain, expected)) << toString(record.key);
+        EXPECT_TRUE(test::sameMesh(chunk.terrain, expected)) << toString(record.key);
         EXPECT_EQ(record.bounds, wasEdited ? edited->second->record.bounds : before.value().find(record.key)->bounds);
-        EXPECT_TRUE(sameMesh(old.terrain, expected)) << toString(record.key);
+        EXPECT_TRUE(test::sameMesh(old.terrain, expected)) << toString(record.key);
     }
     EXPECT_GT(last.size(), 6u);
     EXPECT_LT(last.size(), after.value().chunks().size());
