@@ -131,7 +131,6 @@ TEST(WorldEditor, ReadersBesideItSeeBeforeOrAfter) {
         for (; !over; ++opens)
             if (const auto another = WorldStore::open(path); !another) complain(another.error().what);
     });
-    Result<Done> done = Done{};
     int edits = 0;
     for (; edits < 25 || (reads < 100 || opens < 20); ++edits) {
         const auto changed = terrain.apply({edits % 2 ? EditKind::kFill : EditKind::kDig,
