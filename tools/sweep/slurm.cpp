@@ -110,14 +110,13 @@ Result<std::vector<Entry>> askEntries(const Sweep& sweep) {
     return entries;
 }
 
-/// Takes what Slurm holds of these shards out of its queue.
-Result<Done> cancelHeld(const Sweep& sweep, const std::vector<size_t>& shards) {
+/// Takes what Slurm holds out of its queue.
+Result<Done> cancelHeld(const Sweep& sweep) {
     const auto entries = askEntries(sweep);
     if (!entries) return entries.error();
     std::string tasks;
     for (const Entry& entry : entries.value())
-        if (entry.held() && std::binary_search(shards.begin(), shards.end(), entry.shard))
-            tasks.append(" ").append(entry.job).append("_").append(std::to_string(entry.task));
+        if (entry.held()) tasks.append(" ").append(entry.job).append("_").append(std::to_string(entry.task));
     if (tasks.empty()) return Done{};
     if (const auto cancelled = said("scancel", tasks); !cancelled) return cancelled.error();
     return Done{};
@@ -137,7 +136,7 @@ std::string ranges(const std::vector<size_t>& numbers) {
 }
 
 Result<std::vector<std::string>> submit(const Sweep& sweep, const std::vector<size_t>& shards) {
-    if (const auto cancelled = cancelHeld(sweep, shards); !cancelled) return cancelled.error();
+    if (const auto cancelled = cancelHeld(sweep); !cancelled) return cancelled.error();
     std::vector<std::string> ids;
     for (size_t k = 0; k < shards.size();) {
         const size_t base = shards[k] / kArray * kArray;

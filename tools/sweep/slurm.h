@@ -13,8 +13,8 @@ namespace tools::sweep {
 /// Tasks of an array: Slurm's own limit, MaxArraySize, is 1001 unless a site raises it.
 constexpr size_t kArray = 1000;
 
-/// Hands the shards of these numbers to sbatch, ascending, one array for each thousand of the sweep; what Slurm still holds
-/// of them leaves its queue. What was submitted is in the folder even if a later array is refused. kNotFound without sbatch;
+/// Hands the shards of these numbers to sbatch, ascending, one array for each thousand of the sweep; what could not be launched
+/// before leaves the queue. What was submitted is in the folder even if a later array is refused. kNotFound without sbatch;
 /// kIo with what it said. Gives the jobs' ids.
 world::Result<std::vector<std::string>> submit(const Sweep& sweep, const std::vector<size_t>& shards);
 
