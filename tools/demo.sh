@@ -18,7 +18,7 @@ for file in out/demo.world out/demo.tum out/demo.movers.csv; do
 done
 # Runs that another version wrote are kept, elsewhere.
 kept=out/demo.results.sqlite
-if [ -f $kept ] && ! "$gnomon" report $kept -o out/demo.old.html >/dev/null 2>&1; then mv $kept $kept.old; fi
+if [ -f $kept ] && ! "$gnomon" report $kept -o out/demo.old.html >/dev/null 2>&1; then mv --backup=numbered $kept $kept.old; fi
 rm -f out/demo.old.html
 play() { "$gnomon" replay out/demo.world --path out/demo.tum --movers out/demo.movers.csv --results "$1" --out out/demo "${@:2}"; }
 # Once to find the frames that cost most, once to take their pictures and to verify.
