@@ -142,7 +142,7 @@ TEST(FuzzParsers, TokensThatAreNoneGetNothing) {
         EXPECT_FALSE(server::receiveDescriptor(client));
         ::close(client);
     }
-    EXPECT_GT(asked, 0u);
+    EXPECT_GT(asked, 100u);
     EXPECT_TRUE(server::fetchShared(path, token)) << "and it is still there for who has it";
 }
 
