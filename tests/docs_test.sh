@@ -1,16 +1,25 @@
 #!/usr/bin/env bash
 # Runs every command of documents as a reader would: all blocks marked sh, one after the other, in one empty folder.
-#   tests/docs_test.sh GNOMON DOCUMENT...
+#   tests/docs_test.sh GNOMON BUILD DOCUMENT...
 set -euo pipefail
+source=$(realpath "$(dirname "$0")/..") build=$(realpath "$2")
 documents=()
-for document in "${@:2}"; do documents+=("$(realpath "$document")"); done
-source "$(dirname "$0")/bake_scratch.sh"
-mkdir bin && ln -s "$gnomon" bin/gnomon
-PATH=$work/bin:$PATH
+for document in "${@:3}"; do documents+=("$(realpath "$document")"); done
+source "$source/tests/bake_scratch.sh"
+trap 'kill $(jobs -p) 2>/dev/null || true; rm -rf "$work"' EXIT
+# The sources as documents speak of them, whatever preset this is.
+mkdir -p sources/build folder
+for name in docs server tools; do ln -s "$source/$name" sources/; done
+ln -s "$build" sources/build/release
+export GNOMON=$work/sources PATH=$work/sources/build/release/tools:/usr/bin:$PATH
+cd folder
 for document in "${documents[@]}"; do
-    awk '/^```sh$/ { on = 1; next } /^```$/ { on = 0 } on' "$document" > commands
-    [[ -s commands ]] || { : > log; fail "$document holds no command"; }
-    bash -euo pipefail commands > log 2>&1 || fail "$document"
+    awk '/^```sh$/ { on = 1; next } /^```$/ { on = 0 } on' "$document" > "$work/commands"
+    [[ -s $work/commands ]] || { : > log; fail "$document holds no command"; }
+    # A document that fails leaves no server behind: its commands are a session of their own.
+    setsid bash -euo pipefail "$work/commands" > log 2>&1 &
+    commands=$!
+    wait $commands || { kill -- -$commands 2>/dev/null || true; fail "$document"; }
     # Nothing that a document speaks of went wrong without a status.
     ! grep -E "^gnomon: |BROKEN" log || fail "$document"
 done

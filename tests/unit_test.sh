@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# The systemd unit: nothing in it is unknown or wrong, it leaves the service few rights, and its command serves with the
-# configuration that docs/serve.md shows until SIGTERM ends it, in the time that the unit gives it.
+# The systemd unit: nothing in it is unknown or wrong, it leaves the service few rights, what docs/serve.md says installs and enables
+# it, and its command serves with the configuration that is shown there until SIGTERM ends it, in the time that the unit gives it.
 #   tests/unit_test.sh GNOMON UNIT DOCUMENT
 # Status 77 where there is no systemd-analyze.
 set -euo pipefail
@@ -16,6 +16,15 @@ systemd-analyze security --offline=true --threshold=25 ./gnomon.service > log 2>
 echo "Nonsense=1" >> gnomon.service
 systemd-analyze verify ./gnomon.service > log 2>&1 || true
 [[ -s log ]] || fail "a unit with nonsense is not seen"
+
+# What installs it, below a folder that stands for the machine; starting it is up to a systemd that runs.
+awk '/^```sh systemd$/ { on = 1; next } /^```$/ { on = 0 } on' "$document" > commands
+mkdir -p sources/build/release/tools sources/tools machine/usr/local/bin machine/etc/systemd/system
+ln -s "$gnomon" sources/build/release/tools/gnomon
+ln -s "$unit" sources/tools/
+sed -i "s| /usr| $work/machine/usr|; s| /etc| $work/machine/etc|; s|^systemctl enable --now |systemctl --root=$work/machine enable |" commands
+(cd sources && bash -euo pipefail ../commands) > log 2>&1 || fail "what installs the unit"
+[[ -x machine/usr/local/bin/gnomon && -L machine/etc/systemd/system/multi-user.target.wants/gnomon.service ]] || fail "what installs the unit"
 
 awk '/^```toml$/ { on = 1; next } /^```$/ { on = 0 } on' "$document" > serve.toml
 [[ -s serve.toml ]] || { : > log; fail "the document has no configuration"; }
