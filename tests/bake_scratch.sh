@@ -26,3 +26,6 @@ small_dem() {
         }
     }'
 }
+
+# blocks KIND DOCUMENT: what stands in a document's blocks of that kind, a regular expression.
+blocks() { awk -v begin="^\`\`\`$1\$" '$0 ~ begin { on = 1; next } /^```$/ { on = 0 } on' "$2"; }

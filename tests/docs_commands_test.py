@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Commands that documents speak of in sentences and in blocks that are not marked. Each names a subcommand and options that
 --help knows; and each that says all it needs is run, on a small world and shortened: what it prints in full takes hours. Each
-block is of a kind that is seen to.
+block is of a kind that is seen to. docs/configuration.md has the settings of the maps, and their values, as they are.
 
     tests/docs_commands_test.py SOURCES     in a folder with hills.asc, hills.world and flight.tum; programs on PATH
 """
@@ -11,13 +11,14 @@ import re
 import shlex
 import subprocess
 import sys
+import tomllib
 
 KINDS = {
     "sh": "run by DocsTest",
     "sh slurm": "run by SweepSlurmTest",
     "sh systemd": "run by UnitTest",
     "toml": "read by UnitTest",
-    "yaml": "a workflow of GitHub, whose commands are those of the block before",
+    "yaml": "a workflow of GitHub, whose script DocsTest runs",
     "": "what a program prints, or commands that are checked here",
 }
 
@@ -110,6 +111,17 @@ def commands(document):
     return found + [(text.count("\n", 0, span.start()) + 1, span[1]) for span in re.finditer(rf"`({name}\s[^`]*)`", text)]
 
 
+def unlike(document):
+    """Settings that a document's table has otherwise than a file that gnomon tune wrote before it changed any."""
+    search = "gnomon tune hills.world --path flight.tum --frames 0:3 --every 2 --far 200 --max-error 100 --trials 1 -o start.toml"
+    subprocess.run(search.split(), capture_output=True, check=True)
+    kept = tomllib.loads(pathlib.Path("start.toml").read_text(encoding="utf-8"))["settings"]
+    real = {name: "none" if value == [] else str(value).lower() for name, value in kept.items()}
+    told = dict(re.findall(r"^\| `([a-z-]+)` \| ([^|]*) \|", document.read_text(encoding="utf-8"), re.M))
+    return [f"{document}: {name} is {told.get(name)} there, and {real.get(name)} in truth"
+            for name in sorted(real.keys() | told.keys()) if real.get(name) != told.get(name)]
+
+
 def main():
     sources, count, wrong, ran = pathlib.Path(sys.argv[1]), 0, [], set()
     for document in [sources / "README.md", sources / "ARCHITECTURE.md", *sorted((sources / "docs").glob("*.md"))]:
@@ -122,6 +134,7 @@ def main():
                 said = subprocess.run(short, capture_output=True, text=True, check=False)
                 if said.returncode != 0:
                     wrong.append(f"{document}:{line}: `{text}` as `{shlex.join(short)}`: {said.stderr or said.stdout}")
+    wrong += unlike(sources / "docs/configuration.md")
     print(*wrong, f"{count} commands, {len(ran)} of them run", sep="\n")
     return bool(wrong) or count < 50 or len(ran) < 20
 

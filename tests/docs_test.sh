@@ -15,7 +15,7 @@ ln -s "$build" sources/build/release
 export GNOMON=$work/sources PATH=$work/sources/build/release/tools:/usr/bin:$PATH
 cd folder
 for document in "${documents[@]}"; do
-    awk '/^```sh$/ { on = 1; next } /^```$/ { on = 0 } on' "$document" > "$work/commands"
+    blocks sh "$document" > "$work/commands"
     [[ -s $work/commands ]] || { : > log; fail "$document holds no command"; }
     # A document that fails leaves no server behind: its commands are a session of their own.
     setsid bash -euo pipefail "$work/commands" > log 2>&1 &
@@ -24,6 +24,14 @@ for document in "${documents[@]}"; do
     # Nothing that a document speaks of went wrong without a status.
     ! grep -E "^gnomon: |BROKEN" log || fail "$document"
 done
+# A workflow's script, in a checkout that has what it asks for.
+for document in "${documents[@]}"; do blocks yaml "$document"; done > "$work/workflow"
+sed -n '/run: |$/,/- uses/p' "$work/workflow" | sed '1d; $d' > "$work/commands"
+[[ $(grep -c '\$gnomon ' "$work/commands") == 2 ]] || { cp "$work/workflow" log; fail "the workflow's script is not found"; }
+mkdir "$work/sources/ci" && cp rules.txt "$work/sources/ci/" && cp hills.world "$work/sources/ci/town.world"
+cp flight.tum "$work/sources/ci/drive.tum"
+(cd "$work/sources" && build/release/tools/gnomon replay ci/town.world --path ci/drive.tum --results ci/accepted.sqlite &&
+    bash -euo pipefail "$work/commands" && [[ -s report.html ]]) > log 2>&1 || fail "the workflow"
 cp flight.tum hills.tum  # where gnomon-bench looks for a path
 "$source/tests/docs_commands_test.py" "$source" > log 2>&1 || fail "a command in a sentence"
 cat log

@@ -83,6 +83,7 @@ slurmctld && node_start n2 || fail "the daemons do not start again"
 wait_for 30 "the controller does not start again" 'squeue >/dev/null 2>&1'
 scancel "$cancelled" 2>>log || true  # a controller that was killed may have forgotten that
 scontrol update nodename=n1 state=drain reason=planted  # at least one
+sinfo -R | grep -q planted || fail "sinfo -R does not tell why a node is drained"
 wait_for 240 "the cluster is not at rest" 'at_rest cluster'
 resumed=0
 until [[ $(count cluster done) == 48 ]]; do
@@ -135,7 +136,7 @@ grep -q "48 of 48 shards, 0 of them new" log || fail "a shard was merged twice"
 mkdir bin && ln -s "$gnomon" bin/gnomon
 PATH=$work/bin:$PATH
 rm plan.toml
-awk '/^```sh/ { on = 1; next } /^```$/ { on = 0 } on' "$document" > commands
+blocks "sh( slurm)?" "$document" > commands
 grep -q -- --slurm commands || fail "$document has no command for Slurm"
 timeout 240 bash -euo pipefail commands >log 2>&1 || fail "the commands of $document"
 echo "48 shards, $done_then done before the controller and a node were killed, resumed $resumed times: each once, and as on one machine"

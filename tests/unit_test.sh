@@ -18,7 +18,7 @@ systemd-analyze verify ./gnomon.service > log 2>&1 || true
 [[ -s log ]] || fail "a unit with nonsense is not seen"
 
 # What installs it, below a folder that stands for the machine; starting it is up to a systemd that runs.
-awk '/^```sh systemd$/ { on = 1; next } /^```$/ { on = 0 } on' "$document" > commands
+blocks "sh systemd" "$document" > commands
 mkdir -p sources/build/release/tools sources/tools machine/usr/local/bin machine/etc/systemd/system
 ln -s "$gnomon" sources/build/release/tools/gnomon
 ln -s "$unit" sources/tools/
@@ -26,7 +26,7 @@ sed -i "s| /usr| $work/machine/usr|; s| /etc| $work/machine/etc|; s|^systemctl e
 (cd sources && bash -euo pipefail ../commands) > log 2>&1 || fail "what installs the unit"
 [[ -x machine/usr/local/bin/gnomon && -L machine/etc/systemd/system/multi-user.target.wants/gnomon.service ]] || fail "what installs the unit"
 
-awk '/^```toml$/ { on = 1; next } /^```$/ { on = 0 } on' "$document" > serve.toml
+blocks toml "$document" > serve.toml
 [[ -s serve.toml ]] || { : > log; fail "the document has no configuration"; }
 mkdir worlds recordings run
 sed -i "s|/srv/gnomon|$work/worlds|; s|/var/lib/gnomon|$work/recordings|; s|/run/gnomon|$work/run|; s|50471|0|; s|8080|0|" serve.toml
