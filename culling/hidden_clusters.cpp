@@ -1,6 +1,5 @@
 #include "culling/hidden_clusters.h"
 
-#include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -305,8 +304,11 @@ std::vector<HiddenCluster> hiddenClusters(const world::CasterTable& table, const
     std::vector<Tile> tiles = tilesOf(parts);
     spread(provers, light, cascade, tiles);
     const Search search(table, light, cascade, asked, config);
-    tbb::enumerable_thread_specific<Scratch> scratches;
-    tbb::parallel_for(size_t(0), tiles.size(), [&](size_t i) { search.answer(tiles[i], scratches.local()); });
+    tbb::parallel_for(size_t(0), tiles.size(), [&](size_t i) {
+        // Kept from frame to frame: else the system would be asked for its pages, and clear them, in each.
+        static thread_local Scratch scratch;
+        search.answer(tiles[i], scratch);
+    });
 
     std::vector<uint32_t> open(asked.size(), 0);
     std::vector<HiddenCluster> found(asked.size());
