@@ -38,7 +38,8 @@ private:
 class Client {
 public:
     /// Where `Service::address` says. With `tls` the server's certificate must be signed by the authority, and its own
-    /// are shown. Nothing is asked of the server yet. kNotFound for files.
+    /// are shown. Nothing is asked of the server yet. kNotFound for files. Switches off, in the whole process, the search
+    /// for deadlocks of Abseil's locks, which Debian's build begins with.
     static world::Result<Client> connect(const std::string& address, const std::optional<TlsFiles>& tls = {});
     Client(Client&&) noexcept;
     Client& operator=(Client&&) noexcept;

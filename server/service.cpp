@@ -1,5 +1,6 @@
 #include "server/service.h"
 
+#include <absl/synchronization/mutex.h>
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/grpcpp.h>
 #include <sys/random.h>
@@ -415,6 +416,8 @@ Result<std::unique_ptr<Service>> Service::start(SessionHost& host, const Service
     impl->started = std::chrono::duration_cast<std::chrono::seconds>(std::chrono::system_clock::now().time_since_epoch()).count();
     if (!config.operatorFile.empty()) impl->token = secret();
 
+    // As in the client: a search for deadlocks at each lock that gRPC takes.
+    absl::SetMutexDeadlockDetectionMode(absl::OnDeadlockCycle::kIgnore);
     grpc::EnableDefaultHealthCheckService(true);
     grpc::reflection::InitProtoReflectionServerBuilderPlugin();
     grpc::ServerBuilder builder;

@@ -94,15 +94,17 @@ void SessionStream::OnReadDone(bool ok) {
         ended_ = true;
     }
     const bool more = reading_;
-    changed_.notify_all();
     lock.unlock();
+    changed_.notify_all();
     if (more) StartRead(&incoming_);
 }
 
 void SessionStream::OnWriteDone(bool ok) {
-    const std::lock_guard lock(mutex_);
-    written_ = true;
-    writeOk_ = ok;
+    {
+        const std::lock_guard lock(mutex_);
+        written_ = true;
+        writeOk_ = ok;
+    }
     changed_.notify_all();
 }
 
