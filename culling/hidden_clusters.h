@@ -50,7 +50,7 @@ struct HiddenCluster {
 
 /// Those of the footprints that `provers` hide; a caster may hide its own clusters. In the order of the
 /// footprints. Runs on all of TBB's threads and gives the same answer for any number of them. Each thread keeps the
-/// memory that its largest search took: less than a megabyte for meshes of 20,000 triangles.
+/// memory that its largest search took, until it ends.
 std::vector<HiddenCluster> hiddenClusters(const world::CasterTable& table, const LightCasters& light, int cascade,
                                           std::span<const Footprint> asked, std::span<const world::CasterId> provers,
                                           const SearchConfig& config);
