@@ -102,10 +102,6 @@ Result<Done> Frame::settle() {
     return Done{};
 }
 
-bool Frame::done() const {
-    return !pending_ || vkGetFenceStatus(device_->owner.device, fence_.raw()) != VK_NOT_READY;
-}
-
 Result<VkCommandBuffer> Frame::begin() {
     CHECK(!pending_);
     changes_.clear();

@@ -49,8 +49,6 @@ public:
     /// unknown.
     world::Result<world::Done> settle();
     bool pending() const { return pending_; }  ///< submitted, its end not seen
-    /// True when `settle` need not wait: the GPU is done, or lost.
-    bool done() const;
 
     /// Opens the command buffer; settle first.
     world::Result<VkCommandBuffer> begin();

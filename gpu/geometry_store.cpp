@@ -41,7 +41,7 @@ Result<GeometryStore> GeometryStore::create(Device::Impl& device, uint64_t bytes
     return store;
 }
 
-Result<GeometryId> GeometryStore::upload(const world::MeshLevel& level) {
+Result<GeometryId> GeometryStore::upload(const world::MeshLevel& level, const Await& await) {
     // The GPU reads where an index points without asking.
     for (const uint32_t index : level.indices) CHECK(index < level.positions.size());
 
@@ -58,9 +58,17 @@ Result<GeometryId> GeometryStore::upload(const world::MeshLevel& level) {
                          "geometry arena: a mesh level of " + std::to_string(units * kUnitBytes) +
                              " bytes does not fit; of " + mebibytes(arena_.capacity() * kUnitBytes) + ", " +
                              mebibytes(arena_.used() * kUnitBytes) + " are used and the largest gap has " +
-                             std::to_string(arena_.largestFree() * kUnitBytes) + " bytes" +
-                             (anyRetired() ? " (the GPU still reads some that was released)" : "") +
-                             "; raise --gpu-budget"};
+                             std::to_string(arena_.largestFree() * kUnitBytes) + " bytes; raise --gpu-budget"};
+        uint64_t reader = 0;
+        for (const Retired& r : retired_)
+            if (r.offset < *offset + units && *offset < r.offset + r.units) reader = std::max(reader, r.lastReader);
+        if (reader > 0) {
+            if (const auto finished = await(reader); !finished) {
+                arena_.release(*offset, static_cast<uint32_t>(units));
+                return finished.error();
+            }
+            forgetReaders(reader);
+        }
         slot.offset = *offset;
         slot.units = static_cast<uint32_t>(units);
         range = {.baseVertex = static_cast<int32_t>(*offset),
@@ -87,18 +95,17 @@ Result<GeometryId> GeometryStore::upload(const world::MeshLevel& level) {
 
 void GeometryStore::release(GeometryId id, uint64_t lastReader) {
     CHECK(live(id));
-    CHECK(retired_.empty() || retired_.back().lastReader <= lastReader);
-    if (slots_[id].units > 0) retired_.push_back({lastReader, slots_[id].offset, slots_[id].units});
+    if (const Slot& slot = slots_[id]; slot.units > 0) {
+        arena_.release(slot.offset, slot.units);
+        if (lastReader > 0) retired_.push_back({lastReader, slot.offset, slot.units});
+    }
     slots_[id] = {};
     ranges_[id] = {};
     freeIds_.push_back(id);
 }
 
-void GeometryStore::reclaim(uint64_t finished) {
-    const auto end = std::find_if(retired_.begin(), retired_.end(),
-                                  [finished](const Retired& r) { return r.lastReader > finished; });
-    for (auto r = retired_.begin(); r != end; ++r) arena_.release(r->offset, r->units);
-    retired_.erase(retired_.begin(), end);
+void GeometryStore::forgetReaders(uint64_t finished) {
+    std::erase_if(retired_, [finished](const Retired& r) { return r.lastReader <= finished; });
 }
 
 uint64_t GeometryStore::bytesUsed() const { return arena_.used() * kUnitBytes; }

@@ -1,8 +1,9 @@
-// gpu/geometry_store.h — mesh levels in one arena of GPU memory; the space of what is released goes back once no
-// submission can read it.
+// gpu/geometry_store.h — mesh levels in one arena of GPU memory. What lies where, and what still fits, follows from the calls
+// alone, and not from how far the GPU is.
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -14,25 +15,27 @@
 
 namespace gpu {
 
-/// Never waits for the GPU: whoever submits says which submissions have finished. One thread at a time.
+/// One thread at a time.
 class GeometryStore {
 public:
+    /// Waits for all submissions up to a ticket.
+    using Await = std::function<world::Result<world::Done>(uint64_t reader)>;
+
     /// kLimit names the budget when the device cannot give that much in one piece.
     static world::Result<GeometryStore> create(Device::Impl& device, uint64_t bytes);
 
-    /// Copies positions and indices into the arena. kLimit names the budget when it is full.
-    world::Result<cache::GeometryId> upload(const world::MeshLevel& level);
-    /// The id is dead and free at once: what a plan calls its meshes must not depend on how far the GPU is. Its space goes
-    /// back with `reclaim` of `lastReader` or later.
+    /// Copies positions and indices into the arena; awaits whoever reads what lay there. kLimit names the budget when it is
+    /// full; after that, and after an error of `await`, nothing has changed.
+    world::Result<cache::GeometryId> upload(const world::MeshLevel& level, const Await& await);
+    /// The id and its space are free at once; submissions up to `lastReader` may still read it.
     void release(cache::GeometryId id, uint64_t lastReader);
     /// All submissions up to this ticket have finished.
-    void reclaim(uint64_t finished);
+    void forgetReaders(uint64_t finished);
 
     bool live(cache::GeometryId id) const { return id < slots_.size() && slots_[id].live; }
-    bool anyRetired() const { return !retired_.empty(); }
     std::span<const ArenaRange> ranges() const { return ranges_; }  ///< by GeometryId
     const Buffer& buffer() const { return buffer_; }
-    uint64_t bytesUsed() const;                           ///< with what is released and not reclaimed
+    uint64_t bytesUsed() const;
     uint64_t uploadedBytes() const { return uploaded_; }  ///< since creation
 
 private:
@@ -51,7 +54,7 @@ private:
     Buffer buffer_;
     std::vector<Slot> slots_;         ///< by GeometryId
     std::vector<ArenaRange> ranges_;  ///< likewise
-    std::vector<Retired> retired_;    ///< readers ascend
+    std::vector<Retired> retired_;    ///< what lay there may still be read; may overlap what lies there now
     std::vector<cache::GeometryId> freeIds_;
     uint64_t uploaded_ = 0;
 };

@@ -149,13 +149,12 @@ Result<Done> ShadowMaps::reshape(std::span<const int> from, int side, DepthForma
 }
 
 Result<GeometryId> ShadowMaps::upload(const world::MeshLevel& level) {
-    if (impl_->geometry.anyRetired()) impl_->reclaim();
-    return impl_->geometry.upload(level);
+    return impl_->geometry.upload(level, [this](Ticket reader) { return impl_->settleUpTo(reader); });
 }
 
 void ShadowMaps::release(GeometryId id) {
     impl_->geometry.release(id, impl_->last);
-    impl_->reclaim();  // at once, where nothing is under way
+    impl_->geometry.forgetReaders(impl_->settledUpTo());
 }
 
 uint64_t ShadowMaps::geometryBytesUsed() const { return impl_->geometry.bytesUsed(); }

@@ -62,11 +62,12 @@ public:
     /// After an error nothing has changed.
     world::Result<world::Done> reshape(std::span<const int> from, int side, DepthFormat format);
 
-    /// Copies positions and indices into the arena. kLimit names the budget when it is full.
+    /// Copies positions and indices into the arena; waits for submitted plans that read what was released there. kLimit names
+    /// the budget when it is full.
     world::Result<cache::GeometryId> upload(const world::MeshLevel& level);
-    /// No later plan may draw it. Its id is free at once, its space once no submitted plan can read it.
+    /// No later plan may draw it. Its id and its space are free at once.
     void release(cache::GeometryId id);
-    uint64_t geometryBytesUsed() const;  ///< with what is released and still read
+    uint64_t geometryBytesUsed() const;
     uint64_t uploadedBytes() const;      ///< since creation: geometry, instances and commands
 
     /// Lights are numbered from 0 in the order in which they were added; removing one moves those after it

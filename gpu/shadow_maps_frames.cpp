@@ -183,15 +183,13 @@ Result<Done> ShadowMaps::Impl::settleUpTo(Ticket ticket) {
     return Done{};
 }
 
-/// Gives back what only finished submissions read. Does not wait.
-void ShadowMaps::Impl::reclaim() {
+/// All submissions up to this one were waited for.
+Ticket ShadowMaps::Impl::settledUpTo() const {
     for (size_t i = 0; i < places.size(); ++i) {
-        Place& place = places[(next + i) % places.size()];
-        // An error is kept for whoever finishes the ticket.
-        if (place.frame.done()) static_cast<void>(settle(place));
-        if (place.frame.pending()) return geometry.reclaim(std::max<Ticket>(place.ticket, 1) - 1);
+        const Place& place = places[(next + i) % places.size()];
+        if (place.frame.pending()) return std::max<Ticket>(place.ticket, 1) - 1;
     }
-    geometry.reclaim(last);
+    return last;
 }
 
 Result<Ticket> ShadowMaps::Impl::submit(const FramePlan& plan, const FramePlan& spotPlan, bool toScratch) {
@@ -226,7 +224,6 @@ Result<GpuTimes> ShadowMaps::Impl::finish(Ticket ticket) {
     const Outcome& o = outcome(ticket);
     if (!o.times.submitted) return o.times;
     if (const auto settled = settleUpTo(ticket); !settled) return settled.error();
-    if (geometry.anyRetired()) reclaim();
     if (o.error) return *o.error;
     return o.times;
 }

@@ -77,7 +77,7 @@ struct ShadowMaps::Impl {
     world::Result<world::Done> runAlone(Place& place);
     world::Result<world::Done> settle(Place& place);
     world::Result<world::Done> settleUpTo(Ticket ticket);
-    void reclaim();
+    Ticket settledUpTo() const;
     world::Result<Ticket> submit(const cache::FramePlan& plan, const cache::FramePlan& spotPlan, bool toScratch);
     world::Result<GpuTimes> finish(Ticket ticket);
 };

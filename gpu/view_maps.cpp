@@ -95,7 +95,9 @@ Result<std::unique_ptr<ViewMaps>> ViewMaps::create(Device& device, const ViewMap
 ViewMaps::ViewMaps(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 ViewMaps::~ViewMaps() = default;
 
-Result<cache::GeometryId> ViewMaps::upload(const world::MeshLevel& level) { return impl_->geometry.upload(level); }
+Result<cache::GeometryId> ViewMaps::upload(const world::MeshLevel& level) {
+    return impl_->geometry.upload(level, {});  // nothing is released here, and nobody awaited
+}
 
 Result<Done> ViewMaps::Impl::clearNew() {
     const auto commandBuffer = frame.begin();
