@@ -174,6 +174,11 @@ Result<Ticket> ShadowMaps::submit(const FramePlan& plan, const FramePlan& spots)
 
 Result<GpuTimes> ShadowMaps::finish(Ticket ticket) { return impl_->finish(ticket); }
 
+double ShadowMaps::recordMs(Ticket ticket) const {
+    CHECK(remembered(ticket));
+    return impl_->outcome(ticket).times.recordMs;
+}
+
 bool ShadowMaps::remembered(Ticket ticket) const { return impl_->last - ticket < kTicketsKept; }
 
 Result<GpuTimes> ShadowMaps::execute(const FramePlan& plan, const FramePlan& spots) {

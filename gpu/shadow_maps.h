@@ -83,6 +83,8 @@ public:
     /// Waits for a submitted plan; what it cost. May be asked again, as long as it is `remembered`. After an error
     /// what the maps hold is unknown.
     world::Result<GpuTimes> finish(Ticket ticket);
+    /// CPU time that filling buffers and recording commands took, without waiting [ms]; of a plan that is `remembered`.
+    double recordMs(Ticket ticket) const;
     /// Fewer than kTicketsKept plans, redraws counted, were submitted since.
     bool remembered(Ticket ticket) const;
     static constexpr Ticket kTicketsKept = 64;

@@ -112,6 +112,8 @@ LiveSession::LiveSession(LiveBoard& board, LiveId id, std::shared_ptr<Entry> ent
     : board_(board), id_(id), entry_(std::move(entry)) {}
 LiveSession::LiveSession(LiveSession&&) noexcept = default;
 
+bool LiveSession::watched() const { return entry_->watched(); }
+
 LiveSession::~LiveSession() {
     if (!entry_) return;
     const std::lock_guard lock(board_.mutex_);

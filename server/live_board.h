@@ -41,7 +41,7 @@ struct LiveFrame {
     uint64_t frame = 0;   ///< FrameReport::frame
     double time = 0;      ///< of the input [s]
     double ms = 0;        ///< wall time
-    double gpuMs = 0;     ///< of it, from submission to fence; 0 where nothing was drawn or the frame is not finished
+    double gpuMs = 0;     ///< of it, from submission to fence; 0 where nothing was drawn or nobody waited for it
     std::array<cache::Cost, cache::kCauses> byCause{};  ///< static part
     cache::Cost active;   ///< working maps
     uint64_t residentBytes = 0, geometryBytes = 0;
@@ -139,6 +139,8 @@ public:
     /// a map back now and then, which waits for the GPU; a map that cannot be read is left out.
     void publish(ShadowSystem& system, const FrameInput& input, const FrameReport& report, double ms);
     LiveId id() const { return id_; }
+    /// Somebody asked for it within the last two seconds.
+    bool watched() const;
 
 private:
     friend class LiveBoard;

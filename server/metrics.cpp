@@ -64,7 +64,7 @@ std::string metricsText(const LiveTotals& t, bool ready, uint64_t processBytes) 
                  t, &cache::Cost::triangles);
     text.byCause("gnomon_draws_total", "Draws into cache maps by cause, and into working maps (active).", t,
                  &cache::Cost::draws);
-    text.family("gnomon_frame_seconds", "histogram", "Wall time of frames.");
+    text.family("gnomon_frame_seconds", "histogram", "Wall time of frames until they are answered.");
     uint64_t frames = 0;
     for (size_t k = 0; k < t.frameTimes.size(); ++k) {
         frames += t.frameTimes[k];

@@ -173,6 +173,8 @@ Result<v1::FrameReply> Session::frame(const v1::Frame& request) {
     input.objects = moves_;
     rays_.reset();
 
+    // A budget in time learns from the GPU's time; who watches is shown it. Nobody else needs it at once.
+    const bool waits = request.wants().gpu_time() || system_->config().budget.ms > 0 || (live_ && live_->watched());
     const Stopwatch watch;
     auto report = system_->advance(input);
     if (!report && report.error().code == ErrorCode::kUsage) {
@@ -180,7 +182,8 @@ Result<v1::FrameReply> Session::frame(const v1::Frame& request) {
         return reply;
     }
     if (!report) return report.error();
-    if (const auto finished = system_->finish(report.value()); !finished) return finished.error();
+    if (waits)
+        if (const auto finished = system_->finish(report.value()); !finished) return finished.error();
     moves_.clear();
     report_ = std::move(report.value());
     ++frames_;
@@ -316,6 +319,7 @@ void mergeFrames(v1::Frame& into, v1::Frame&& later) {
     v1::Wants wants = into.wants();
     wants.set_hashes(wants.hashes() || later.wants().hashes());
     wants.set_whole_redraws(wants.whole_redraws() || later.wants().whole_redraws());
+    wants.set_gpu_time(wants.gpu_time() || later.wants().gpu_time());
     wants.set_dearest_casters(std::max(wants.dearest_casters(), later.wants().dearest_casters()));
     const bool sun = !later.has_sun() && into.has_sun(), budget = !later.has_budget() && into.has_budget();
     if (sun) *later.mutable_sun() = into.sun();

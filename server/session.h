@@ -47,7 +47,8 @@ struct SessionLimits {
 };
 
 /// The frames of one client, and nothing of how they come: the network, a recording and tests drive the same calls, so a
-/// recording replays to the same counters and hashes. One thread at a time; two sessions on one device likewise.
+/// recording replays to the same counters and hashes. A frame is answered once the GPU has its drawing, and does not wait
+/// for it unless the reply is to tell what only then is known. One thread at a time; two sessions on one device likewise.
 class Session {
 public:
     /// `device` and `store` must outlive it. kUsage and kLimit name the field of the request and what it may be.
@@ -58,7 +59,8 @@ public:
     /// Draws one frame. An update or edit that cannot be done is an error of the reply; the rest of the frame goes on.
     /// A frame that makes no sense, of a camera that is nowhere, is answered by its error and without cascades; what it
     /// asked of objects and the ground is done all the same, by the next frame at the latest. kLimit for more updates or
-    /// edits than a frame may have: nothing happened. kDevice, kIo: the session is of no use any more.
+    /// edits than a frame may have: nothing happened. kDevice, which may be of the frame before, and kIo: the session is of
+    /// no use any more.
     world::Result<gnomon::v1::FrameReply> frame(const gnomon::v1::Frame& request);
 
     /// Each further frame is published there.

@@ -130,6 +130,7 @@ Result<FrameReport> ShadowSystem::advance(const FrameInput& input) {
     const auto ticket = s.maps->submit(s.plan, s.spots.planned());
     if (!ticket) return s.lost(ticket.error());
     report.ticket = ticket.value();
+    report.cpu.recordMs = s.maps->recordMs(report.ticket);
     report.submitted = !s.plan.idle() || !s.spots.planned().idle();
     report.mapCascades = s.cascadesOf(s.plan);
     if (const auto learned = s.learnRate(report); !learned) return s.lost(learned.error());
@@ -150,10 +151,11 @@ Result<world::Done> ShadowSystem::Impl::takeEdits(FrameReport& report) {
 }
 
 /// Corrects the rate by a frame that has finished by now, since its place on the GPU was taken again. By
-/// timestamps where there are any: the time at which its fence was seen depends on when somebody looked.
+/// timestamps where there are any: the time at which its fence was seen depends on when somebody looked. Without them
+/// only frames of a budget in time count, which whoever gives one waits for.
 Result<world::Done> ShadowSystem::Impl::learnRate(const FrameReport& report) {
     const uint64_t triangles = spentOn(report.cascades).triangles;
-    if (triangles == 0) return world::Done{};
+    if (triangles == 0 || (!config.timestamps && config.budget.ms == 0)) return world::Done{};
     underWay.push_back({report.ticket, triangles});
     if (underWay.size() <= kFramesInFlight) return world::Done{};
     const auto [ticket, drawn] = underWay.front();
@@ -201,7 +203,6 @@ Result<world::Done> ShadowSystem::finish(FrameReport& report) {
     auto times = impl_->maps->finish(report.ticket);
     if (!times) return impl_->lost(times.error());
     report.gpu = byCascade(times.value(), report.mapCascades, report.cascades.size());
-    report.cpu.recordMs = report.gpu.recordMs;
     return world::Done{};
 }
 

@@ -105,7 +105,7 @@ struct StageTimes {
     double occlusionMs = 0;  ///< certificates
     double setsMs = 0;       ///< moved objects, static and active sets
     double planMs = 0;       ///< queries, plan
-    double recordMs = 0;     ///< filling buffers, recording commands; 0 until the frame is finished
+    double recordMs = 0;     ///< filling buffers, recording commands
 };
 
 struct FrameReport {

@@ -124,7 +124,9 @@ Result<ServiceCost> measureService(const std::string& world, std::span<const wor
     const auto opened = folder.value()->open(open.world());
     if (!opened) return opened.error();
     const auto direct = server::Session::open(*device.value(), opened.value()->store, open, limits);
+    const auto directWaits = server::Session::open(*device.value(), opened.value()->store, open, limits);
     if (!direct) return direct.error();
+    if (!directWaits) return directWaits.error();
 
     server::LiveBoard board;
     const auto shown = server::Session::open(*device.value(), opened.value()->store, open, limits);
@@ -140,7 +142,9 @@ Result<ServiceCost> measureService(const std::string& world, std::span<const wor
     auto client = server::Client::connect(served.value()->address());
     if (!client) return client.error();
     const auto wired = client.value().session(open);
+    const auto wiredWaits = client.value().session(open);
     if (!wired) return wired.error();
+    if (!wiredWaits) return wiredWaits.error();
 
     ServiceCost cost;
     const auto timed = [](std::vector<double>& times, const auto& call) {
@@ -153,17 +157,21 @@ Result<ServiceCost> measureService(const std::string& world, std::span<const wor
     struct Lane {
         FrameTimes& times;
         std::function<Result<v1::FrameReply>(const v1::Frame&)> frame;
+        bool waits = false;
     };
     const std::vector<Lane> lanes{{cost.direct, [&](const v1::Frame& f) { return direct.value()->frame(f); }},
                                   {cost.shown, [&](const v1::Frame& f) { return shown.value()->frame(f); }},
                                   {cost.watched, [&](const v1::Frame& f) { return watched.value()->frame(f); }},
-                                  {cost.served, [&](const v1::Frame& f) { return wired.value()->frame(f); }}};
+                                  {cost.served, [&](const v1::Frame& f) { return wired.value()->frame(f); }},
+                                  {cost.directWaited, [&](const v1::Frame& f) { return directWaits.value()->frame(f); }, true},
+                                  {cost.servedWaited, [&](const v1::Frame& f) { return wiredWaits.value()->frame(f); }, true}};
     // In stretches: a frame follows others of its own kind, as it does in use, and what the machine does meanwhile befalls all.
     for (size_t first = 0; first < poses.size(); first += kStretch)
         for (size_t turn = 0; turn < lanes.size(); ++turn) {
             const Lane& lane = lanes[(turn + first / kStretch) % lanes.size()];
             for (size_t k = first; k < std::min(first + kStretch, poses.size()); ++k) {
-                const v1::Frame frame = frameOf(poses[k], double(k) / kBenchFps);
+                v1::Frame frame = frameOf(poses[k], double(k) / kBenchFps);
+                frame.mutable_wants()->set_gpu_time(lane.waits);
                 const auto reply = timed(lane.times.all, [&] { return lane.frame(frame); });
                 if (!reply) return reply.error();
                 lane.times.drawn.push_back(reply.value().times().advance());
@@ -190,13 +198,16 @@ Result<ServiceCost> measureService(const std::string& world, std::span<const wor
 }
 
 std::string serviceText(const ServiceCost& cost) {
-    const double direct = median(cost.direct.all);
-    const auto row = [&](const char* name, const FrameTimes& ms) {
-        return format("%-34s %8.3f ms  %+8.3f ms  drawing %8.3f ms, the rest %8.3f ms\n", name, median(ms.all), median(ms.all) - direct, median(ms.drawn), median(ms.rest));
+    const auto row = [](const char* name, const FrameTimes& ms, const FrameTimes& beside) {
+        return format("%-34s %8.3f ms  %+8.3f ms  drawing %8.3f ms, the rest %8.3f ms\n", name, median(ms.all),
+                      median(ms.all) - median(beside.all), median(ms.drawn), median(ms.rest));
     };
     const auto rate = [&](const std::vector<double>& ms) { return double(cost.points) / median(ms) / 1e3; };
-    return format("median of %zu frames\n", cost.direct.all.size()) + row("in process", cost.direct) + row("on the live board", cost.shown) +
-           row("watched there", cost.watched) + row("served", cost.served) +
+    return format("median of %zu frames\n", cost.direct.all.size()) + row("in process", cost.direct, cost.direct) +
+           row("on the live board", cost.shown, cost.direct) + row("served", cost.served, cost.direct) +
+           row("in process, waiting for the GPU", cost.directWaited, cost.directWaited) +
+           row("watched on the live board", cost.watched, cost.directWaited) +
+           row("served, waiting for the GPU", cost.servedWaited, cost.directWaited) +
            format("served, refused, one after the other %6.3f ms\nserved, refused, with a rest between %6.3f ms\n", median(cost.refused), median(cost.refusedRested)) +
            format("median of %zu questions of %zu points\n", cost.directQuery.size(), cost.points) +
            format("in process                         %8.2f million points a second\n", rate(cost.directQuery)) +

@@ -22,6 +22,7 @@ struct FrameTimes {
 
 struct ServiceCost {
     FrameTimes direct, shown, watched, served;  ///< in process, on a live board, watched there, and by `gnomon serve`
+    FrameTimes directWaited, servedWaited;      ///< the same, of frames that ask for the GPU's time and so wait for it
     std::vector<double> refused, refusedRested;  ///< served frames that draw nothing, at once and after a rest [ms]
     std::vector<double> directQuery, servedQuery;  ///< questions of `points` points [ms]
     size_t points = 0;

@@ -1,8 +1,8 @@
 // Sessions without a socket: what requests become, what replies say, and what no request can break.
 #include "server/session.h"
 
-#include "tests/server/clients.h"
 #include "tests/server/rays.h"
+#include "tests/server/sessions.h"
 #include "world/hash.h"
 #include "world/movers.h"
 
@@ -10,20 +10,9 @@ namespace {
 
 using tests::lifeFrame;
 using tests::openStreets;
+using tests::openSession;
+using tests::streets;
 namespace v1 = gnomon::v1;
-
-const server::OpenedWorld& streets() {
-    static const auto folder = server::WorldFolder::create(tests::servedFolder());
-    static const auto world = folder.value()->open("streets");
-    return *world.value();
-}
-
-std::unique_ptr<server::Session> open(const v1::OpenSession& request = openStreets(), server::SessionLimits limits = {}) {
-    limits.geometryBytes = 16 << 20;
-    auto session = server::Session::open(tests::validatedDevice(), streets().store, request, limits);
-    EXPECT_TRUE(session) << session.error().what;
-    return std::move(session.value());
-}
 
 TEST(Session, DrawsWhatTheSameFramesDrawInASystem) {
     server::ShadowConfig config;
@@ -35,7 +24,7 @@ TEST(Session, DrawsWhatTheSameFramesDrawInASystem) {
     const auto system = server::ShadowSystem::create(tests::validatedDevice(), streets().store, config);
     ASSERT_TRUE(system);
     server::ShadowSystem& direct = *system.value();
-    const auto session = open();
+    const auto session = openSession();
     std::optional<server::ObjectId> adopted, spawned;
     for (uint64_t k = 0; k < 60; ++k) {
         const v1::Frame request = lifeFrame(k);
@@ -73,7 +62,7 @@ TEST(Session, DrawsWhatTheSameFramesDrawInASystem) {
 }
 
 TEST(Session, SaysOfEachItemWhatIsWrongAndDoesTheRest) {
-    const auto session = open();
+    const auto session = openSession();
     std::vector<std::pair<uint64_t, std::string>> errors;
     for (uint64_t k = 0; k < 25; ++k) {
         const auto reply = session->frame(lifeFrame(k));
@@ -91,7 +80,7 @@ TEST(Session, SaysOfEachItemWhatIsWrongAndDoesTheRest) {
 }
 
 TEST(Session, BadFramesAreToldAndTheNextOneIsAsIfTheyHadNotBeen) {
-    const auto one = open(), other = open();
+    const auto one = openSession(), other = openSession();
     const auto told = [](const world::Result<v1::FrameReply>& reply) {
         return reply && reply.value().errors_size() > 0 && reply.value().cascades_size() == 0 ? reply.value().errors(0).what() : "";
     };
@@ -111,7 +100,7 @@ TEST(Session, BadFramesAreToldAndTheNextOneIsAsIfTheyHadNotBeen) {
 }
 
 TEST(Session, MovesOfABadFrameAreMadeByTheNext) {
-    const auto session = open();
+    const auto session = openSession();
     ASSERT_TRUE(session->frame(lifeFrame(0)));
     ASSERT_TRUE(session->frame(lifeFrame(1)));
     v1::Frame bad = lifeFrame(2);
@@ -128,7 +117,7 @@ TEST(Session, MovesOfABadFrameAreMadeByTheNext) {
 }
 
 TEST(Session, TakesPosesAsRecordingsHaveThem) {
-    const auto posed = open(), placed = open();
+    const auto posed = openSession(), placed = openSession();
     world::Placement rest = tests::placedAt({4, 2, 1});
     rest.linear = glm::mat3(1, 0, 0, 0, 3, 0, 0, 0, 0.5f);  // its ratios stay
     const auto fill = [](v1::Placement* to, const world::Placement& from) {
@@ -216,7 +205,7 @@ TEST(Session, LimitsAreNamed) {
     limits.objects = 1;
     limits.updates = 3;
     limits.edits = 1;
-    const auto session = open(openStreets(), limits);
+    const auto session = openSession(openStreets(), limits);
     v1::Frame frame = lifeFrame(0);
     for (uint64_t k = 0; k < 2; ++k) {
         frame.add_objects()->set_object(k);
@@ -243,7 +232,7 @@ v1::ObjectUpdate* updateOf(v1::Frame& frame, uint64_t object) {
 }
 
 TEST(Session, ObjectsBecomeStaticAndDeformingWhenTheyAreMarked) {
-    const auto session = open();
+    const auto session = openSession();
     struct Seen {
         uint64_t active = 0, promoted = 0, demoted = 0;
     };
@@ -308,7 +297,7 @@ TEST(Session, ObjectsBecomeStaticAndDeformingWhenTheyAreMarked) {
 }
 
 TEST(Session, SpotLightsShineMoveAndGo) {
-    const auto session = open();
+    const auto session = openSession();
     v1::Frame frame = lifeFrame(0);
     const auto shine = [&](uint64_t number, glm::dvec3 position, uint32_t side) {
         v1::SpotUpdate* update = frame.add_spots();
@@ -377,7 +366,7 @@ TEST(Session, SpotLightsShineMoveAndGo) {
     server::SessionLimits limits;
     limits.mapBytes = 3 * 256 * 256 * 8 + 128 * 128 * 8;
     limits.spots = 2;
-    const auto small = open(openStreets(), limits);
+    const auto small = openSession(openStreets(), limits);
     frame = lifeFrame(0);
     shine(1, {0, 9, 0}, 128);
     shine(2, {0, 9, 0}, 128);
@@ -391,7 +380,7 @@ TEST(Session, SpotLightsShineMoveAndGo) {
 }
 
 TEST(Session, TellsWhatIsWanted) {
-    const auto session = open();
+    const auto session = openSession();
     v1::Frame frame = lifeFrame(0);
     frame.mutable_wants()->set_whole_redraws(true);
     frame.mutable_wants()->set_dearest_casters(3);
@@ -409,7 +398,7 @@ TEST(Session, TellsWhatIsWanted) {
 }
 
 TEST(Session, RaysAnswerAsTheTrianglesDo) {
-    const auto session = open();
+    const auto session = openSession();
     v1::QueryShadowRequest query;
     query.set_by_rays(true);
     EXPECT_EQ(session->query(query).error().code, world::ErrorCode::kUsage) << "no frame yet";
@@ -445,7 +434,7 @@ TEST(Session, RaysAnswerAsTheTrianglesDo) {
 }
 
 TEST(Session, MasksAreWhatTheCameraSees) {
-    const auto session = open();
+    const auto session = openSession();
     v1::Frame frame = lifeFrame(0);
     v1::GetShadowMaskRequest request;
     request.set_width(160);

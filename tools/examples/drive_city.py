@@ -55,14 +55,14 @@ def read_path(path):
     return poses
 
 
-def requests(world, poses, movers, hashes, real_time):
+def requests(world, poses, movers, wants, real_time):
     """What a session is asked: it is opened, and then each pose is a frame."""
     yield v1.SessionRequest(open=v1.OpenSession(world=world))
     begun = time.monotonic()
     for number, (at, x, y, z, qx, qy, qz, qw) in enumerate(poses):
         if real_time:
             time.sleep(max(0.0, at - poses[0][0] - (time.monotonic() - begun)))
-        frame = v1.Frame(sequence=number, time=at, wants=v1.Wants(hashes=hashes, whole_redraws=True))
+        frame = v1.Frame(sequence=number, time=at, wants=wants)
         frame.cameras.add(position=v1.Vector(x=x, y=y, z=z), orientation=v1.Quaternion(x=qx, y=qy, z=qz, w=qw))
         if movers:
             movers.tell(at, frame)
@@ -153,7 +153,8 @@ def main():
         poses = [p for p in poses if p[0] <= poses[0][0] + options.seconds]
         movers = Movers(options.movers) if options.movers else None
         writer = None
-        for reply in drive(options.server, requests(options.world, poses, movers, not options.plot, options.real_time)):
+        wants = v1.Wants(hashes=not options.plot, gpu_time=bool(options.plot), whole_redraws=True)
+        for reply in drive(options.server, requests(options.world, poses, movers, wants, options.real_time)):
             for error in reply.errors:
                 print(f"frame {reply.sequence}: {error.what}", file=sys.stderr)
             if options.plot:
