@@ -69,7 +69,7 @@ Seen playBoth(const server::SessionLimits& limits) {
 TEST(Waiting, IsNoDifferenceToMapsAndAnswers) {
     const Seen roomy = playBoth({});
     EXPECT_EQ(roomy.missing, 0u);
-    server::SessionLimits tight;  // chunks take the places of others that the GPU still draws
+    server::SessionLimits tight;  // chunks come and go for want of room
     tight.geometryBytes = roomy.geometryBytes * 2 / 3;
     EXPECT_GT(playBoth(tight).missing, 0u);
     tests::expectSilence();
