@@ -3,6 +3,7 @@
 #include <thread>
 
 #include "server/live_board.h"
+#include "server/messages.h"
 #include "tests/server/sessions.h"
 
 namespace {
@@ -91,12 +92,10 @@ TEST(Waiting, IsForWhoWatches) {
 }
 
 TEST(Waiting, ABudgetInTimeLearnsFromNoFrameThatNobodyWaitedFor) {
-    server::ShadowConfig config;
-    config.cascades = 3;
-    config.side = 256;
-    config.farDistance = 45;
-    config.geometryBytes = 16 << 20;
-    config.timestamps = false;
+    server::SessionLimits limits;
+    limits.geometryBytes = 16 << 20;
+    const server::ShadowConfig config = server::configOf(tests::openStreets(), limits).value();
+    ASSERT_FALSE(config.timestamps) << "with them nobody need look";
     constexpr server::Budget kTime{.ms = 2};
     std::vector<uint64_t> triangles;
     for (const int frames : {1, 12}) {
